@@ -1,0 +1,36 @@
+//! chiaro: a node-graph compositor for light and shadow.
+//!
+//! A recipe (JSON graph) goes in, an edited picture comes out. How data flows:
+//!
+//! ```text
+//! graph/   text -> Document -> Plan            (typed, sorted, every problem named at once)
+//! eval/    Plan -> keys -> values              (pull; memory cache, disk cache, progress)
+//! nodes/   one file per node type              (the contract is node.rs, params.rs, value.rs)
+//! scene/   files and built-in scenes -> triangles, lights, cameras, BVH
+//! transport/ surface samples, gather samples, transfer rows, edits: the mathematics
+//! kernels/ CPU bodies; shaders/ holds the WGSL twin of each, same stem
+//! device/  Cpu | Gpu; the only folder that names wgpu
+//! image/   layers, EXR, PNG, comparison metrics
+//! cli/     one file per subcommand
+//! ```
+//!
+//! Dependencies point one way: `cli -> eval -> graph -> node`; `nodes -> transport, scene, image, kernels`;
+//! `kernels -> device`. `tests/architecture.rs` guards it.
+
+pub mod cli;
+pub mod device;
+pub mod error;
+pub mod eval;
+pub mod graph;
+pub mod image;
+pub mod kernels;
+pub mod node;
+#[path = "../nodes/mod.rs"]
+pub mod nodes;
+pub mod params;
+pub mod progress;
+pub mod scene;
+pub mod transport;
+pub mod value;
+
+pub use error::{Error, Result};

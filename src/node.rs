@@ -1,0 +1,296 @@
+//! The contract that every file in `nodes/` meets: what a node says of itself, and what it is handed to run.
+//!
+//! A node type is one struct: its fields are the parameters (names, docs, ranges, units and defaults come from serde
+//! and schemars attributes), and `Node` says the ports and does the work. Help, JSON schema, the README's table and
+//! the editor's inspector are made from it. Not for: caching, keys, threads, files on disk caches (see `eval`).
+
+use crate::device::Device;
+use crate::progress::Progress;
+use crate::value::{Kind, Value};
+use crate::{Error, Result};
+use std::any::Any;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+/// 128 bits that name a value: a hash of all that it was computed from.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Key(pub [u8; 16]);
+
+impl Key {
+    /// Hashes labelled parts; lengths are hashed too, so parts cannot run into each other.
+    pub fn of(parts: &[&[u8]]) -> Self {
+        let mut hasher = blake3::Hasher::new();
+        for part in parts {
+            hasher.update(&(part.len() as u64).to_le_bytes());
+            hasher.update(part);
+        }
+        Self(hasher.finalize().as_bytes()[..16].try_into().expect("16 of 32 bytes"))
+    }
+}
+
+impl std::fmt::Display for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl std::fmt::Debug for Key {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Key({self})")
+    }
+}
+
+/// The parts of a value that change for different reasons, so that moving a lamp does not cost a new transfer.
+/// Scenes have all four; samples have `Geometry` (where they lie) and `Materials` (their reflectance). Every other
+/// value has the same key in each facet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Facet {
+    /// Triangles, names, and which triangle belongs to which object and material.
+    Geometry,
+    /// Reflectance, emission, textures.
+    Materials,
+    Lights,
+    Cameras,
+}
+
+impl Facet {
+    pub const ALL: [Facet; 4] = [Facet::Geometry, Facet::Materials, Facet::Lights, Facet::Cameras];
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct Port {
+    pub name: &'static str,
+    pub kind: Kind,
+    pub optional: bool,
+    /// The facets that the node reads of this input. `Inputs` refuses any other.
+    pub reads: &'static [Facet],
+    pub doc: &'static str,
+}
+
+impl Port {
+    pub const fn new(name: &'static str, kind: Kind, doc: &'static str) -> Self {
+        Self { name, kind, optional: false, reads: &Facet::ALL, doc }
+    }
+
+    pub const fn optional(self) -> Self {
+        Self { optional: true, ..self }
+    }
+
+    pub const fn reads(self, reads: &'static [Facet]) -> Self {
+        Self { reads, ..self }
+    }
+}
+
+/// What one facet of the node's output depends on; a facet without a rule depends on all that the node reads.
+#[derive(Clone, Copy, Debug)]
+pub enum FacetRule {
+    /// The facet is that of an input, untouched (when that input is connected).
+    Keeps(Facet, &'static str),
+    /// The facet is made by the node from the listed facets of the listed inputs only.
+    From(Facet, &'static [(&'static str, &'static [Facet])]),
+}
+
+/// What a node type says of itself.
+#[derive(Clone, Copy, Debug)]
+pub struct Info {
+    /// As written in recipes.
+    pub name: &'static str,
+    /// Heading under which help and palette list it.
+    pub category: &'static str,
+    /// Raise when the result changes for equal parameters and inputs.
+    pub version: u32,
+    /// One line.
+    pub summary: &'static str,
+    pub inputs: &'static [Port],
+    /// Empty for a node that only writes files.
+    pub outputs: &'static [Port],
+    pub facets: &'static [FacetRule],
+    /// Its value is worth keeping on disk across runs.
+    pub stored: bool,
+    /// The result depends on the frame even when no parameter is a curve (an animated file, a file pattern).
+    pub uses_frame: bool,
+}
+
+impl Info {
+    /// Fill the rest in with `..Info::NEW`.
+    pub const NEW: Info = Info {
+        name: "",
+        category: "",
+        version: 1,
+        summary: "",
+        inputs: &[],
+        outputs: &[],
+        facets: &[],
+        stored: false,
+        uses_frame: false,
+    };
+}
+
+/// A node type; the implementing struct holds its parameters after curves are evaluated at the frame.
+pub trait Node: Send + Sync + 'static {
+    const INFO: Info;
+
+    /// Input files of these parameters; their content enters the key. Paths as written in the recipe.
+    fn files(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// The input port whose value this node would return unchanged with these parameters, if any.
+    fn pass_through(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Computes the outputs, in the order of `INFO.outputs`.
+    fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>>;
+}
+
+/// The values on a node's input ports, with the keys that they were asked for by.
+pub struct Inputs<'a> {
+    pub info: &'a Info,
+    /// Per port of `info.inputs`: the value, and the key of each facet (index: `Facet as usize`).
+    pub values: Vec<Option<(Value, [Key; 4])>>,
+}
+
+impl Inputs<'_> {
+    fn index(&self, port: &str) -> usize {
+        self.info
+            .inputs
+            .iter()
+            .position(|p| p.name == port)
+            .unwrap_or_else(|| panic!("node type {} declares no input {port}", self.info.name))
+    }
+
+    pub fn get(&self, port: &str) -> Option<&Value> {
+        self.values[self.index(port)].as_ref().map(|(value, _)| value)
+    }
+
+    /// The key of one facet of an input; for `Job::memo`.
+    pub fn key(&self, port: &str, facet: Facet) -> Option<Key> {
+        let index = self.index(port);
+        assert!(self.info.inputs[index].reads.contains(&facet), "{}.{port} does not declare {facet:?}", self.info.name);
+        self.values[index].as_ref().map(|(_, keys)| keys[facet as usize])
+    }
+
+    fn reads(&self, port: &str, facet: Facet) -> bool {
+        self.info.inputs[self.index(port)].reads.contains(&facet)
+    }
+
+    fn missing(&self, port: &str) -> Error {
+        Error::compute(format!("input \"{port}\" has no value"), "connect it in the recipe")
+    }
+}
+
+macro_rules! accessors {
+    ($($name:ident, $required:ident, $variant:ident, $type:ty);* $(;)?) => {
+        impl Inputs<'_> {
+            $(
+                /// The value of an optional port.
+                pub fn $name(&self, port: &str) -> Option<&Arc<$type>> {
+                    match self.get(port)? {
+                        Value::$variant(value) => Some(value),
+                        other => panic!("plan let a {:?} through to {}.{port}", other.kind(), self.info.name),
+                    }
+                }
+                /// The value of a port that must be connected.
+                pub fn $required(&self, port: &str) -> Result<&Arc<$type>> {
+                    self.$name(port).ok_or_else(|| self.missing(port))
+                }
+            )*
+        }
+    };
+}
+
+accessors! {
+    whole_scene, need_whole_scene, Scene, crate::scene::Scene;
+    camera, need_camera, Camera, crate::scene::Camera;
+    whole_samples, need_whole_samples, Samples, crate::transport::Samples;
+    transfer, need_transfer, Transfer, crate::transport::Transfer;
+    selection, need_selection, Selection, crate::transport::Selection;
+    edits, need_edits, Edits, crate::transport::Edits;
+    image, need_image, Image, crate::image::Image;
+}
+
+/// Parts of a scene, handed out only to nodes that declare that they read them: hash and computation see the same.
+impl Inputs<'_> {
+    fn part<T>(&self, port: &str, facet: Facet, take: impl Fn(&crate::scene::Scene) -> Arc<T>) -> Result<Arc<T>> {
+        assert!(self.reads(port, facet), "{}.{port} does not declare {facet:?}", self.info.name);
+        Ok(take(self.need_whole_scene(port)?))
+    }
+
+    pub fn geometry(&self, port: &str) -> Result<Arc<crate::scene::Geometry>> {
+        self.part(port, Facet::Geometry, |scene| scene.geometry.clone())
+    }
+
+    pub fn materials(&self, port: &str) -> Result<Arc<Vec<crate::scene::Material>>> {
+        self.part(port, Facet::Materials, |scene| scene.materials.clone())
+    }
+
+    pub fn lights(&self, port: &str) -> Result<Arc<Vec<crate::scene::Light>>> {
+        self.part(port, Facet::Lights, |scene| scene.lights.clone())
+    }
+
+    pub fn cameras(&self, port: &str) -> Result<Arc<Vec<crate::scene::Camera>>> {
+        self.part(port, Facet::Cameras, |scene| scene.cameras.clone())
+    }
+}
+
+/// Intermediate results that outlive one run of a node, kept in the memory cache under a key of the node's making.
+pub trait Memo: Send + Sync {
+    fn get(&self, key: Key) -> Option<Arc<dyn Any + Send + Sync>>;
+    fn put(&self, key: Key, value: Arc<dyn Any + Send + Sync>, bytes: u64);
+}
+
+/// A memo that remembers nothing.
+pub struct NoMemo;
+
+impl Memo for NoMemo {
+    fn get(&self, _: Key) -> Option<Arc<dyn Any + Send + Sync>> {
+        None
+    }
+    fn put(&self, _: Key, _: Arc<dyn Any + Send + Sync>, _: u64) {}
+}
+
+/// What a node runs with, beside its inputs.
+pub struct Job<'a> {
+    pub device: &'a Device,
+    pub progress: Progress<'a>,
+    pub memo: &'a dyn Memo,
+    /// Changes only for nodes that declare `uses_frame`; 0 for all others.
+    pub frame: f64,
+    pub fps: f64,
+    /// Folder that relative paths start from.
+    pub base: &'a Path,
+    /// The folder `--out` names: relative output paths start from it instead of `base`.
+    pub out: Option<&'a Path>,
+    /// The recipe as it was read, for the headers of pictures.
+    pub recipe: &'a str,
+    /// Key of the value being computed.
+    pub key: Key,
+    /// What the node says about itself in the report: rays, coefficients kept, error bound.
+    pub notes: &'a Mutex<serde_json::Map<String, serde_json::Value>>,
+}
+
+impl Job<'_> {
+    pub fn path(&self, file: &str) -> PathBuf {
+        self.base.join(file)
+    }
+
+    pub fn note(&self, name: &str, value: impl Into<serde_json::Value>) {
+        self.notes.lock().expect("no panic while noting").insert(name.to_owned(), value.into());
+    }
+
+    /// Takes an intermediate result from the memory cache or computes it; `bytes` counts what the cache holds.
+    pub fn memo<T: Send + Sync + 'static>(
+        &self,
+        key: Key,
+        bytes: impl Fn(&T) -> u64,
+        compute: impl FnOnce() -> Result<T>,
+    ) -> Result<Arc<T>> {
+        if let Some(found) = self.memo.get(key).and_then(|any| any.downcast::<T>().ok()) {
+            return Ok(found);
+        }
+        let value = Arc::new(compute()?);
+        self.memo.put(key, value.clone(), bytes(&value));
+        Ok(value)
+    }
+}

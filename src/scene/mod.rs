@@ -1,0 +1,28 @@
+//! Scenes at one frame: geometry with its BVH, materials, lights, cameras; where they come from.
+
+pub mod camera;
+pub mod geometry;
+pub mod light;
+pub mod material;
+
+pub use camera::Camera;
+pub use geometry::Geometry;
+pub use light::{Light, LightKind};
+pub use material::Material;
+
+use std::sync::Arc;
+
+/// Parts are shared separately, because they change for different reasons (`node::Facet`).
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    pub geometry: Arc<Geometry>,
+    pub materials: Arc<Vec<Material>>,
+    pub lights: Arc<Vec<Light>>,
+    pub cameras: Arc<Vec<Camera>>,
+}
+
+impl Scene {
+    pub fn bytes(&self) -> u64 {
+        self.geometry.bytes() + self.materials.iter().map(Material::bytes).sum::<u64>()
+    }
+}

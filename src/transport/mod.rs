@@ -1,0 +1,11 @@
+//! The mathematics of light transport: surface samples, gather samples, transfer rows, Haar, edits.
+
+pub mod edits;
+pub mod samples;
+pub mod selection;
+pub mod transfer;
+
+pub use edits::Edits;
+pub use samples::Samples;
+pub use selection::Selection;
+pub use transfer::Transfer;

@@ -1,0 +1,71 @@
+//! What travels on wires (DESIGN section 5). Values are immutable and shared; an edit makes a new one.
+
+use crate::image::Image;
+use crate::scene::{Camera, Scene};
+use crate::transport::{Edits, Samples, Selection, Transfer};
+use std::sync::Arc;
+
+/// The type of a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    Scene,
+    Camera,
+    Samples,
+    Transfer,
+    Selection,
+    Edits,
+    Image,
+}
+
+impl Kind {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scene => "scene",
+            Self::Camera => "camera",
+            Self::Samples => "samples",
+            Self::Transfer => "transfer",
+            Self::Selection => "selection",
+            Self::Edits => "edits",
+            Self::Image => "image",
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub enum Value {
+    Scene(Arc<Scene>),
+    Camera(Arc<Camera>),
+    Samples(Arc<Samples>),
+    Transfer(Arc<Transfer>),
+    Selection(Arc<Selection>),
+    Edits(Arc<Edits>),
+    Image(Arc<Image>),
+}
+
+impl Value {
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Scene(_) => Kind::Scene,
+            Self::Camera(_) => Kind::Camera,
+            Self::Samples(_) => Kind::Samples,
+            Self::Transfer(_) => Kind::Transfer,
+            Self::Selection(_) => Kind::Selection,
+            Self::Edits(_) => Kind::Edits,
+            Self::Image(_) => Kind::Image,
+        }
+    }
+
+    /// Memory held, in bytes; what the memory cache counts.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Self::Scene(v) => v.bytes(),
+            Self::Camera(_) => size_of::<Camera>() as u64,
+            Self::Samples(v) => v.bytes(),
+            Self::Transfer(v) => v.bytes(),
+            Self::Selection(v) => v.bytes(),
+            Self::Edits(v) => v.bytes(),
+            Self::Image(v) => v.bytes(),
+        }
+    }
+}
