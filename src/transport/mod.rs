@@ -3,9 +3,11 @@
 pub mod edits;
 pub mod samples;
 pub mod selection;
+pub mod sparse;
 pub mod transfer;
 
 pub use edits::Edits;
 pub use samples::Samples;
 pub use selection::Selection;
+pub use sparse::SparseRows;
 pub use transfer::Transfer;
