@@ -7,12 +7,18 @@
 //! Order of the sum, in both bodies: four running sums over the entries l, l + 4, l + 8, ... (l = 0..4), added as
 //! `(s0 + s1) + (s2 + s3)`, times the row's scale.
 
+#[cfg(feature = "gpu")]
+use super::put_columns;
 use super::{split_columns, vector_length};
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Binding, Device, Kernel};
 use crate::transport::SparseRows;
 use crate::{Error, Result};
 use rayon::prelude::*;
+#[cfg(feature = "gpu")]
+use std::ops::Range;
 
 /// Vectors that one pass over the entries multiplies.
 const VECTORS: usize = 4;
@@ -65,6 +71,8 @@ pub fn sparse_product(device: &Device, rows: &SparseRows, vectors: &[[f32; 4]], 
     for (products, vectors) in passes {
         match device {
             Device::Cpu => cpu(rows, vectors, products),
+            #[cfg(feature = "gpu")]
+            Device::Gpu(gpu) => self::gpu(gpu, rows, vectors, products)?,
         }
     }
     Ok(products)
@@ -174,6 +182,54 @@ fn weight<const SIGNED: bool>(entry: u32, index_bits: u32) -> f32 {
     let high = entry << index_bits;
     // An unsigned weight fits in 31 bits too, and from i32 the conversion is a single instruction.
     (if SIGNED { high as i32 >> index_bits } else { (high >> index_bits) as i32 }) as f32
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(gpu: &Gpu, rows: &SparseRows, vectors: &[[f32; 4]], products: &mut [[f32; 4]]) -> Result<()> {
+    let count = products.len() / rows.rows();
+    let light = gpu.upload(vectors);
+    for range in row_pages(gpu, rows, count) {
+        let entries = rows.offsets()[range.start] as usize..rows.offsets()[range.end] as usize;
+        let params = Params {
+            rows: range.len() as u32,
+            first_entry: entries.start as u32,
+            columns: rows.columns() as u32,
+            count: count as u32,
+            index_bits: rows.format().index_bits,
+            is_signed: rows.format().signed.into(),
+            pad0: 0,
+            pad1: 0,
+        };
+        let part = gpu.storage::<[f32; 4]>(count * range.len());
+        let buffers = [
+            &gpu.array(rows.offsets(), range.start..range.end + 1),
+            &gpu.array(rows.entries(), entries),
+            &gpu.array(rows.scale(), range.clone()),
+            &light,
+            &part,
+        ];
+        let mut batch = gpu.batch();
+        batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(16))?;
+        batch.read(&part, |page| put_columns(products, rows.rows(), range, page))?;
+    }
+    Ok(())
+}
+
+/// Ranges of rows whose entries and products each fit in a page; a longer row is a page of its own.
+#[cfg(feature = "gpu")]
+fn row_pages(gpu: &Gpu, rows: &SparseRows, count: usize) -> Vec<Range<usize>> {
+    let (most_entries, most_rows) = (gpu.page(4), gpu.page(16 * count));
+    let offsets = rows.offsets();
+    let mut pages = Vec::new();
+    let mut start = 0;
+    while start < rows.rows() {
+        let last = offsets[start] as usize + most_entries;
+        let fitting = offsets[start + 1..].partition_point(|&end| end as usize <= last);
+        let end = start + fitting.clamp(1, most_rows).min(rows.rows() - start);
+        pages.push(start..end);
+        start = end;
+    }
+    pages
 }
 
 #[cfg(test)]
