@@ -53,7 +53,7 @@ pub fn read(path: &Path) -> Result<Image> {
     file.read(&all)
 }
 
-/// Only the layers asked for, in that order, under the names that they have in the file (see `names::find`).
+/// Only the layers asked for, each once, in that order, under the names that they have in the file (see `names::find`).
 pub fn read_layers(path: &Path, wanted: &[&str]) -> Result<Image> {
     let file = ExrFile::open(path)?;
     let names = file.layer_names();
@@ -75,7 +75,7 @@ impl ExrFile {
         for header in headers {
             check_part(path, header, bytes)?;
         }
-        check_size(path, "display window", display, bytes)?;
+        check_size(path, "display window", display, bytes, 1 << 26)?;
         Ok(Self {
             path: path.to_owned(),
             plans: plan_layers(headers),
@@ -89,7 +89,7 @@ impl ExrFile {
         self.plans.iter().map(|plan| plan.name.as_str()).collect()
     }
 
-    /// Reads the layers of these indices into `layer_names`. Parts that hold none of them are not decoded.
+    /// Reads the layers of these indices into `layer_names`, each once. Parts that hold none of them are not decoded.
     pub fn read(mut self, indices: &[usize]) -> Result<Image> {
         let mut plans: Vec<Option<Plan>> = self.plans.drain(..).map(Some).collect();
         let plans: Vec<Plan> = indices.iter().filter_map(|&index| plans[index].take()).collect();
@@ -255,13 +255,14 @@ fn check_part(path: &Path, header: &Header, file_bytes: u64) -> Result<()> {
         let help = "write the picture with a sample for every pixel (RGB, not luminance and chroma)";
         return Err(Error::file(path, format!("channel \"{name}\" is subsampled, which is not read"), help));
     }
-    check_size(path, "data window", header.data_window(), file_bytes)
+    check_size(path, "data window", header.data_window(), file_bytes, 0)
 }
 
-/// Refuses windows that no sound file of that many bytes has, before memory is asked for.
-fn check_size(path: &Path, what: &str, window: IntegerBounds, file_bytes: u64) -> Result<()> {
+/// Refuses windows that no sound file of that many bytes has, before memory is asked for. Black compresses to a
+/// thousandth; `spare` allows for a small data window in a large display window.
+fn check_size(path: &Path, what: &str, window: IntegerBounds, file_bytes: u64, spare: u64) -> Result<()> {
     let pixels = (window.size.0 as u64).saturating_mul(window.size.1 as u64);
-    let plausible = (1 << 24).max(file_bytes.saturating_mul(4096));
+    let plausible = file_bytes.saturating_mul(4096).saturating_add(spare);
     if pixels == 0 || pixels > MAX_PIXELS || pixels > plausible {
         let message = format!("{what} of {} x {} pixels in a file of {file_bytes} bytes", window.size.0, window.size.1);
         return Err(Error::file(path, message, "the header is damaged, or the picture is larger than 2^28 pixels"));
@@ -270,12 +271,9 @@ fn check_size(path: &Path, what: &str, window: IntegerBounds, file_bytes: u64) -
 }
 
 fn zeroed(path: &Path, len: usize) -> Result<Vec<f32>> {
-    let mut data = Vec::new();
-    data.try_reserve_exact(len).map_err(|_| {
+    bytemuck::allocation::try_zeroed_vec(len).map_err(|()| {
         Error::file(path, format!("needs {} MiB for one layer, more than there is", len >> 18), "read fewer layers")
-    })?;
-    data.resize(len, 0.0);
-    Ok(data)
+    })
 }
 
 fn explain(path: &Path, error: exr::error::Error) -> Error {

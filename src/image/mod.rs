@@ -1,10 +1,14 @@
 //! Pictures: named layers of equal size, how they are read, written and compared.
 
+pub mod atomic;
 pub mod colour;
 pub mod compare;
 pub mod cryptomatte;
 pub mod exr_read;
+pub mod exr_write;
+pub mod load;
 pub mod names;
+pub mod png;
 
 use crate::device::Array;
 
