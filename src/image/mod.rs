@@ -1,5 +1,7 @@
 //! Pictures: named layers of equal size, how they are read, written and compared.
 
+mod stored;
+
 use crate::device::Array;
 
 /// What the numbers of a layer are; colour may be stored as half, data (positions, depth, ids) never.
