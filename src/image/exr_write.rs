@@ -2,8 +2,8 @@
 //!
 //! Equal pictures give equal bytes: no time stamps, attributes sorted by name. Not for: tiles, mip levels, deep pixels.
 
-use super::{Content, Image, Layer, atomic};
-use crate::{Error, Result};
+use super::{Content, Image, Layer};
+use crate::{Error, Result, atomic};
 use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
 use exr::block::{UncompressedBlock, enumerate_ordered_header_block_indices};

@@ -1,6 +1,5 @@
 //! Pictures: named layers of equal size, how they are read, written and compared.
 
-pub mod atomic;
 pub mod colour;
 pub mod compare;
 pub mod cryptomatte;
@@ -9,6 +8,7 @@ pub mod exr_write;
 pub mod load;
 pub mod names;
 pub mod png;
+mod stored;
 
 use crate::device::Array;
 

@@ -1,7 +1,7 @@
 //! Writing one layer as an 8-bit sRGB PNG: what a screen shows without a view transform. Clips to [0, 1].
 
-use super::{Layer, atomic, colour};
-use crate::{Error, Result};
+use super::{Layer, colour};
+use crate::{Error, Result, atomic};
 use rayon::prelude::*;
 use std::io::Cursor;
 use std::path::Path;

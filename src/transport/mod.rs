@@ -1,8 +1,13 @@
 //! The mathematics of light transport: surface samples, gather samples, transfer rows, Haar, edits.
 
+pub mod cluster;
 pub mod edits;
+pub mod gather;
+pub mod rows;
 pub mod samples;
+pub mod sampling;
 pub mod selection;
+pub mod sides;
 pub mod transfer;
 
 pub use edits::Edits;

@@ -1,0 +1,123 @@
+//! Rays of transfer rows: from each row's point, cosine-distributed rays, each credited to the node of the gather tree
+//! that covers its hit.
+//!
+//! The irradiance at a row's point is `E = (1/rays) sum_r B(node_r)`, with `B` the mean radiant exitance of a node's
+//! samples: `integral B(g)/pi V cos dw` with density `cos/pi` (thesis eq. 5.1 without the singular geometry term).
+//! The node is the largest one above the hit's nearest sample whose radius squared is below `credit` times that of the
+//! patch that one ray stands for, so that far and dim light costs few entries (DESIGN section 7).
+//! Output: rows x rays node numbers (0: the ray met nothing that sends light), and per row the harmonic mean and the
+//! least of the distances, which say how fast indirect light may change there (Ward et al. 1988).
+
+use crate::Result;
+use crate::device::{Array, Device};
+use crate::scene::bvh::Ray;
+use crate::scene::{Geometry, SurfacePoint};
+use crate::transport::gather::{DEAD, Gather, cell_index};
+use crate::transport::sampling;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Uniforms {
+    pub rows: u32,
+    /// Rays a row.
+    pub rays: u32,
+    /// Gather samples.
+    pub gather: u32,
+    /// Largest node radius squared over that of a ray's patch.
+    pub credit: f32,
+    pub lift: f32,
+    pub pad: [u32; 3],
+}
+
+pub struct RowRays {
+    /// Rows x rays.
+    pub nodes: Vec<u32>,
+    /// Per row: harmonic mean distance and least distance, metres (infinite when nothing is hit).
+    pub distances: Vec<[f32; 2]>,
+}
+
+/// `seeds`: one per point, so that a row is the same whatever else is computed with it.
+pub fn transfer_rows(
+    device: &Device,
+    geometry: &Geometry,
+    gather: &Gather,
+    points: &Array<SurfacePoint>,
+    seeds: &Array<u32>,
+    rays: u32,
+    credit: f32,
+) -> Result<RowRays> {
+    let uniforms = Uniforms {
+        rows: points.len() as u32,
+        rays,
+        gather: gather.count() as u32,
+        credit,
+        lift: geometry.lift(),
+        pad: [0; 3],
+    };
+    match device {
+        Device::Cpu => Ok(cpu(geometry, gather, points, seeds, &uniforms)),
+    }
+}
+
+fn cpu(geometry: &Geometry, gather: &Gather, points: &[SurfacePoint], seeds: &[u32], uniforms: &Uniforms) -> RowRays {
+    let rays = uniforms.rays as usize;
+    let mut nodes = vec![0; points.len() * rays];
+    let mut distances = vec![[f32::INFINITY; 2]; points.len()];
+    let rows = nodes.par_chunks_mut(rays).zip(&mut distances).zip(points.par_iter().zip(seeds));
+    rows.for_each(|((nodes, distances), (point, &seed))| {
+        if !point.exists() {
+            return;
+        }
+        let shift = sampling::shift(seed);
+        let (mut inverse_sum, mut least) = (0.0, f32::INFINITY);
+        for (i, node) in nodes.iter_mut().enumerate() {
+            let ray = unit_ray(point, sampling::lattice(i as u32, uniforms.rays, shift), uniforms.lift);
+            let (credited, distance) = cast(geometry, gather, point, &ray, uniforms);
+            *node = credited;
+            inverse_sum += 1.0 / distance;
+            least = least.min(distance);
+        }
+        *distances = [uniforms.rays as f32 / inverse_sum, least];
+    });
+    RowRays { nodes, distances }
+}
+
+/// A cosine-distributed ray about the point's shading normal, lifted off its surface.
+pub fn unit_ray(point: &SurfacePoint, at: Vec2, lift: f32) -> Ray {
+    let normal = Vec3::from(point.normal);
+    let (x, y) = sampling::frame(normal);
+    let local = sampling::cosine_direction(at);
+    let origin = sampling::lifted(point.position.into(), point.geometric_normal.into(), lift);
+    Ray { origin, direction: x * local.x + y * local.y + normal * local.z, t_max: f32::INFINITY }
+}
+
+/// The node to credit (0 for none), and the distance to the hit (infinite for none).
+fn cast(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, uniforms: &Uniforms) -> (u32, f32) {
+    // Interpolated normals tilt some rays below the triangle itself.
+    if ray.direction.dot(point.geometric_normal.into()) <= 0.0 {
+        return (0, f32::INFINITY);
+    }
+    let hit = geometry.bvh.closest(ray);
+    if hit.triangle == SurfacePoint::NOWHERE.triangle {
+        return (0, f32::INFINITY);
+    }
+    let side = gather.sides[hit.triangle as usize];
+    let cells = if hit.front { side[0] } else { side[1] };
+    if cells == DEAD {
+        return (0, hit.t);
+    }
+    let leaf = gather.cells[(cells + cell_index(hit.u, hit.v, side[2])) as usize];
+    let area_vector = geometry.area_vector(hit.triangle as usize);
+    let facing = (area_vector.dot(ray.direction).abs() / area_vector.length()).max(0.1);
+    let cosine = ray.direction.dot(point.normal.into()).max(0.05);
+    // The patch's radius squared: solid angle pi / (rays cosine), times t² / facing, over pi.
+    let patch = hit.t * hit.t / (uniforms.rays as f32 * cosine * facing);
+    let mut node = uniforms.gather + leaf;
+    while node > 1 && gather.radius2[(node >> 1) as usize] <= uniforms.credit * patch {
+        node >>= 1;
+    }
+    (node, hit.t)
+}
+
