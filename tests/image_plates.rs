@@ -42,7 +42,7 @@ fn every_plate_is_read_in_full() {
 #[test]
 fn cryptomatte_names_what_is_seen() {
     for path in support::all_data("cryptomatte_names_what_is_seen", &PLATES[..4]) {
-        let (matte, _) = Cryptomatte::read(&path, "CryptoObject").unwrap();
+        let matte = Cryptomatte::read(&path, "CryptoObject").unwrap();
         assert_eq!(matte.name, "ViewLayer.CryptoObject");
         for (&id, name) in &matte.manifest {
             assert_eq!(cryptomatte::id(name), id, "{name}");
@@ -62,7 +62,7 @@ fn cryptomatte_names_what_is_seen() {
 fn block_measure_knows_a_plate_from_another() {
     let paths = support::all_data("block_measure_knows_a_plate_from_another", &PLATES[1..3]);
     let [bounce1, full] = &paths[..] else { return };
-    let (matte, _) = Cryptomatte::read(bounce1, "CryptoObject").unwrap();
+    let matte = Cryptomatte::read(bounce1, "CryptoObject").unwrap();
     let read = |path| exr_read::read_layers(path, &["Diffuse Indirect"]).unwrap().layers.remove(0);
     let (one, eight) = (read(bounce1), read(full));
     let measure = |a, b| compare::blocks(a, b, 640, &matte.whole(0.99), 4).unwrap();

@@ -14,6 +14,8 @@ use std::path::Path;
 pub struct Cryptomatte {
     /// Name of the matte, such as `ViewLayer.CryptoObject`.
     pub name: String,
+    pub width: usize,
+    pub height: usize,
     /// Names by id; empty where the file carries no manifest.
     pub manifest: BTreeMap<u32, String>,
     /// Layers 00, 01, ... with four channels each.
@@ -22,14 +24,13 @@ pub struct Cryptomatte {
 
 impl Cryptomatte {
     /// Reads the matte called `wanted` (`CryptoObject`, `CryptoMaterial`, ...) of a file, and nothing else of it.
-    pub fn read(path: &Path, wanted: &str) -> Result<(Self, Image)> {
+    pub fn read(path: &Path, wanted: &str) -> Result<Self> {
         let file = exr_read::ExrFile::open(path)?;
         let names = file.layer_names();
         let matte = find_matte(&names, wanted).map_err(|e| Error::file(path, e.message, e.help))?;
         let indices: Vec<usize> = (0..names.len()).filter(|&i| matte_of(names[i]) == Some(matte.as_str())).collect();
         let image = file.read(&indices)?;
-        let matte = Self::of(&image, wanted).map_err(|e| Error::file(path, e.message, e.help))?;
-        Ok((matte, image))
+        Self::of(&image, wanted).map_err(|e| Error::file(path, e.message, e.help))
     }
 
     /// The matte called `wanted` of a picture.
@@ -45,7 +46,7 @@ impl Cryptomatte {
                 help: "write the matte's layers with R, G, B and A".to_owned(),
             });
         }
-        Ok(Self { manifest: manifest(image, &name), name, ranks })
+        Ok(Self { manifest: manifest(image, &name), name, width: image.width, height: image.height, ranks })
     }
 
     /// Id and coverage of the object that covers most of a pixel. Id 0 is no object.
