@@ -8,9 +8,11 @@ pub mod samples;
 pub mod sampling;
 pub mod selection;
 pub mod sides;
+pub mod sparse;
 pub mod transfer;
 
 pub use edits::Edits;
 pub use samples::Samples;
 pub use selection::Selection;
+pub use sparse::SparseRows;
 pub use transfer::Transfer;
