@@ -4,6 +4,7 @@ use crate::image::cryptomatte::Cryptomatte;
 use crate::image::exr_write::Depth;
 use crate::image::{Image, Layer, compare, exr_write, load, names, png};
 use crate::{Error, Result};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Compare two pictures, or layers of them; B is the reference
@@ -56,9 +57,21 @@ const WHOLE: f32 = 0.99;
 /// Prints the figures; true when the pictures are equal, or within `--max-rmse`.
 ///
 /// # Errors
+/// Those of `report`.
+pub fn run(args: &Args) -> Result<bool> {
+    let (text, equal) = report(args)?;
+    // A reader that has gone away (`| head`) is no error.
+    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+    Ok(equal)
+}
+
+/// The figures as text, and whether the pictures are equal, or within `--max-rmse`.
+///
+/// # Errors
 /// `File` when a picture or layer is missing, `Usage` when the arguments contradict each other, `Compute` when the
 /// pictures cannot be compared.
-pub fn run(args: &Args) -> Result<bool> {
+pub fn report(args: &Args) -> Result<(String, bool)> {
+    let mut text = String::new();
     let sides = [Side::parse(&args.a), Side::parse(&args.b)];
     let factors = factors(&args.times)?;
     let pairs = pairs(&sides, &factors)?;
@@ -82,19 +95,19 @@ pub fn run(args: &Args) -> Result<bool> {
                 (a, b)
             }
             Pair::Only { side, name } => {
-                println!("{}: only in {side}", names::title(name));
+                text += &format!("{}: only in {side}\n", names::title(name));
                 equal = false;
                 continue;
             }
         };
         let width = pair.width();
         let figures = compare::compare(a, b, width)?;
-        print_figures(a, b, &figures, compare::ssim(a, b, width));
+        text += &figures_text(a, b, &figures, compare::ssim(a, b, width));
         let mut judged = figures.relative();
         let mut seen = true;
         if let (Some(size), Some((_, matte))) = (args.blocks, &objects) {
             let blocks = compare::blocks(a, b, width, &matte.whole(WHOLE), usize::from(size))?;
-            print_blocks(&blocks, size, matte);
+            text += &blocks_text(&blocks, size, matte);
             judged = blocks[0].relative_rmse;
             seen = blocks[0].blocks > 0 && blocks[0].not_finite == 0;
         }
@@ -106,7 +119,7 @@ pub fn run(args: &Args) -> Result<bool> {
             write_difference(path, a, b, width, figures.mean_b)?;
         }
     }
-    Ok(equal)
+    Ok((text, equal))
 }
 
 /// `FILE[:LAYER]`.
@@ -225,47 +238,46 @@ fn multiply(layer: &Layer, factor: &Layer) -> Result<Layer> {
     Ok(layer.with_data(data))
 }
 
-fn print_figures(a: &Layer, b: &Layer, figures: &compare::Figures, ssim: Option<f64>) {
-    if a.name == b.name {
-        println!("{}", a.title());
-    } else {
-        println!("{} against {}", a.title(), b.title());
+fn figures_text(a: &Layer, b: &Layer, figures: &compare::Figures, ssim: Option<f64>) -> String {
+    let mut text = a.title().to_owned();
+    if a.name != b.name {
+        text += &format!(" against {}", b.title());
     }
-    if figures.differing == 0 {
-        println!("  equal");
-    }
-    println!("  RMSE           {:.6e}   relative {:.6}", figures.rmse, figures.relative());
-    println!("  mean           {:.6e}   reference {:.6e}", figures.mean_a, figures.mean_b);
+    text += if figures.differing == 0 { ": equal\n" } else { "\n" };
+    let mut line = |name: &str, value: String| text += &format!("  {name:<20} {value}\n");
+    line("RMSE", format!("{:.6e}, relative {:.6}", figures.rmse, figures.relative()));
+    line("mean", format!("{:.6e}, reference {:.6e}", figures.mean_a, figures.mean_b));
     if figures.max > 0.0 {
         let [x, y] = figures.max_at;
-        println!("  max difference {:.6e}   at {x},{y} in {}", figures.max, figures.max_channel);
+        line("largest difference", format!("{:.6e} at {x},{y} in {}", figures.max, figures.max_channel));
     }
-    println!("  values that differ {}", figures.differing);
-    if figures.not_finite_a + figures.not_finite_b > 0 {
-        println!(
-            "  NaN or infinite    A {}, B {}, {} of them not the same",
-            figures.not_finite_a, figures.not_finite_b, figures.not_finite_differing
-        );
+    line("values that differ", figures.differing.to_string());
+    let [in_a, in_b] = [figures.not_finite_a, figures.not_finite_b];
+    if in_a + in_b > 0 {
+        line("NaN or infinite", format!("A {in_a}, B {in_b}, not the same {}", figures.not_finite_differing));
     }
     if !figures.left_out.is_empty() {
-        println!("  only on one side   {}", figures.left_out.join(" "));
+        line("only on one side", figures.left_out.join(" "));
     }
     if let Some(ssim) = ssim {
-        println!("  SSIM           {ssim:.6}");
+        line("SSIM", format!("{ssim:.6}"));
     }
+    text
 }
 
-fn print_blocks(figures: &[compare::BlockFigures], size: u16, matte: &Cryptomatte) {
-    println!("  blocks of {size} x {size} of one object   {:>8} {:>14} {:>10}", "blocks", "relative RMSE", "bias");
+fn blocks_text(figures: &[compare::BlockFigures], size: u16, matte: &Cryptomatte) -> String {
+    let heading = format!("blocks of {size} x {size}");
+    let mut text = format!("  {heading:<28} {:>8} {:>14} {:>10}\n", "blocks", "relative RMSE", "bias");
     for one in figures {
         let name = if one.object == 0 { "all objects".to_owned() } else { matte.title(one.object) };
-        let percent = 100.0 * one.bias;
-        print!("    {name:<28} {:>8} {:>12.3} % {percent:>+8.3} %", one.blocks, 100.0 * one.relative_rmse);
-        match one.not_finite {
-            0 => println!(),
-            count => println!("   {count} blocks left out: NaN or infinite"),
+        let (error, bias) = (100.0 * one.relative_rmse, 100.0 * one.bias);
+        text += &format!("    {name:<26} {:>8} {error:>12.3} % {bias:>+8.3} %", one.blocks);
+        if one.not_finite > 0 {
+            text += &format!("   {} blocks left out: NaN or infinite", one.not_finite);
         }
+        text.push('\n');
     }
+    text
 }
 
 fn write_difference(path: &Path, a: &Layer, b: &Layer, width: usize, mean: f64) -> Result<()> {
