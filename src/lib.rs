@@ -17,6 +17,7 @@
 //! Dependencies point one way: `cli -> eval -> graph -> node`; `nodes -> transport, scene, image, kernels`;
 //! `kernels -> device`. `tests/architecture.rs` guards it.
 
+pub mod atomic;
 pub mod cli;
 pub mod device;
 pub mod error;
@@ -30,6 +31,7 @@ pub mod nodes;
 pub mod params;
 pub mod progress;
 pub mod scene;
+pub mod stored;
 pub mod transport;
 pub mod value;
 

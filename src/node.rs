@@ -135,6 +135,22 @@ pub trait Node: Send + Sync + 'static {
         Vec::new()
     }
 
+    /// Files that those of `files` refer to (the buffers and textures of a .gltf); their content enters the key, too.
+    /// `base` is the folder that relative paths start from. A file that cannot be read refers to none.
+    fn linked_files(&self, _base: &Path) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
+    /// Whether the result depends on the frame with these parameters; asked only where `INFO.uses_frame`.
+    fn uses_frame(&self, _base: &Path) -> bool {
+        true
+    }
+
+    /// The files that this node writes at a frame, as `Job::output` takes them; what `--skip-existing` looks for.
+    fn output_files(&self, _frame: f64) -> Vec<String> {
+        Vec::new()
+    }
+
     /// The input port whose value this node would return unchanged with these parameters, if any.
     fn pass_through(&self) -> Option<&'static str> {
         None
@@ -275,6 +291,11 @@ impl Job<'_> {
         self.base.join(file)
     }
 
+    /// Where an output file goes.
+    pub fn output(&self, file: &str) -> PathBuf {
+        self.out.unwrap_or(self.base).join(file)
+    }
+
     pub fn note(&self, name: &str, value: impl Into<serde_json::Value>) {
         self.notes.lock().expect("no panic while noting").insert(name.to_owned(), value.into());
     }
@@ -292,5 +313,60 @@ impl Job<'_> {
         let value = Arc::new(compute()?);
         self.memo.put(key, value.clone(), bytes(&value));
         Ok(value)
+    }
+}
+
+/// A path with its frame filled in: `####`, `%04d` and `$F4` (four digits, zeros in front; `$F` without), rounded to a
+/// whole frame. Paths without any of these stay as they are.
+pub fn frame_path(pattern: &str, frame: f64) -> String {
+    let number = |width: usize| {
+        let sign = if frame.round() < 0.0 { "-" } else { "" };
+        format!("{sign}{:0width$}", frame.round().abs() as u64)
+    };
+    let digits = |text: &str| text.chars().take_while(char::is_ascii_digit).count();
+    let mut path = String::new();
+    let mut rest = pattern;
+    while let Some(first) = rest.chars().next() {
+        let hashes = rest.chars().take_while(|c| *c == '#').count();
+        let (width, length) = match first {
+            '#' => (hashes, hashes),
+            '$' if rest[1..].starts_with('F') => {
+                let count = digits(&rest[2..]).min(2);
+                (rest[2..2 + count].parse().unwrap_or(1), 2 + count)
+            }
+            '%' if rest[1..].starts_with('d') => (1, 2),
+            '%' if rest[1..].starts_with('0') && rest[1 + digits(&rest[1..])..].starts_with('d') => {
+                let count = digits(&rest[1..]);
+                (rest[1..1 + count].parse().unwrap_or(1).min(99), 2 + count)
+            }
+            _ => {
+                path.push(first);
+                rest = &rest[first.len_utf8()..];
+                continue;
+            }
+        };
+        path.push_str(&number(width));
+        rest = &rest[length..];
+    }
+    path
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_fill_patterns() {
+        for (pattern, frame, path) in [
+            ("a.####.exr", 7.0, "a.0007.exr"),
+            ("a.#.exr", 123.0, "a.123.exr"),
+            ("a.%04d.exr", -3.0, "a.-0003.exr"),
+            ("a.%d.$F.$F3.exr", 12.0, "a.12.12.012.exr"),
+            ("100%/$HOME/ü.exr", 1.0, "100%/$HOME/ü.exr"),
+            ("%0", 1.0, "%0"),
+            ("%", 1.0, "%"),
+        ] {
+            assert_eq!(frame_path(pattern, frame), path);
+        }
     }
 }

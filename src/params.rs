@@ -8,11 +8,15 @@ use crate::Result;
 use crate::node::{Info, Inputs, Job, Node};
 use crate::value::Value;
 use serde_json::{Map, Value as Json};
+use std::path::{Path, PathBuf};
 
 /// `Node` behind a pointer.
 pub trait AnyNode: Send + Sync {
     fn info(&self) -> &'static Info;
     fn files(&self) -> Vec<String>;
+    fn linked_files(&self, base: &Path) -> Vec<PathBuf>;
+    fn uses_frame(&self, base: &Path) -> bool;
+    fn output_files(&self, frame: f64) -> Vec<String>;
     fn pass_through(&self) -> Option<&'static str>;
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>>;
     /// All parameters with defaults filled in, in the struct's order: what enters the key.
@@ -27,6 +31,15 @@ impl<N: Node + serde::Serialize> AnyNode for Erased<N> {
     }
     fn files(&self) -> Vec<String> {
         self.0.files()
+    }
+    fn linked_files(&self, base: &Path) -> Vec<PathBuf> {
+        self.0.linked_files(base)
+    }
+    fn uses_frame(&self, base: &Path) -> bool {
+        N::INFO.uses_frame && self.0.uses_frame(base)
+    }
+    fn output_files(&self, frame: f64) -> Vec<String> {
+        self.0.output_files(frame)
     }
     fn pass_through(&self) -> Option<&'static str> {
         self.0.pass_through()

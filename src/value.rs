@@ -2,6 +2,7 @@
 
 use crate::image::Image;
 use crate::scene::{Camera, Scene};
+use crate::stored::{SectionReader, SectionWriter, Stored};
 use crate::transport::{Edits, Samples, Selection, Transfer};
 use std::sync::Arc;
 
@@ -29,6 +30,11 @@ impl Kind {
             Self::Edits => "edits",
             Self::Image => "image",
         }
+    }
+
+    /// `Value::write` can keep it on disk.
+    pub fn is_storable(self) -> bool {
+        matches!(self, Self::Image)
     }
 }
 
@@ -66,6 +72,22 @@ impl Value {
             Self::Selection(v) => v.bytes(),
             Self::Edits(v) => v.bytes(),
             Self::Image(v) => v.bytes(),
+        }
+    }
+
+    /// Lays the value out for the disk cache. Only for kinds that are storable; an arm here, one in `read`.
+    pub fn write<'a>(&'a self, sections: &mut SectionWriter<'a>) {
+        match self {
+            Self::Image(image) => image.write(sections),
+            other => panic!("{:?} is not storable", other.kind()),
+        }
+    }
+
+    /// `None` when the sections are not what this version writes.
+    pub fn read(kind: Kind, sections: &mut SectionReader) -> Option<Self> {
+        match kind {
+            Kind::Image => Image::read(sections).map(|image| Self::Image(Arc::new(image))),
+            _ => None,
         }
     }
 }

@@ -1,2 +1,16 @@
-//! (being written)
+//! From a recipe's text to a checked, sorted plan: `plan(&load(path)?)`. Knows nothing of values or of devices.
+
+pub mod check;
+pub mod curve;
+pub mod document;
+pub mod migrate;
+pub mod names;
+pub mod plan;
 pub mod problem;
+pub mod schema;
+pub mod source;
+
+pub use curve::Curve;
+pub use document::{Document, NodeEntry, load};
+pub use plan::{Param, Plan, Step, Wire};
+pub use problem::{Place, Problem};

@@ -1,12 +1,16 @@
 //! Scenes at one frame: geometry with its BVH, materials, lights, cameras; where they come from.
 
+pub mod builtin;
+pub mod bvh;
 pub mod camera;
+pub mod file;
 pub mod geometry;
 pub mod light;
 pub mod material;
+pub mod wide;
 
 pub use camera::Camera;
-pub use geometry::Geometry;
+pub use geometry::{Geometry, SurfacePoint};
 pub use light::{Light, LightKind};
 pub use material::Material;
 

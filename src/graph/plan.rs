@@ -1,0 +1,377 @@
+//! A checked graph in the order in which it can be computed.
+
+use super::check::{Checker, ParamChecker};
+use super::curve::{self, Complaint, Curve};
+use super::document::{Document, NodeEntry};
+use super::names::suggest;
+use super::problem::{Problem, summary};
+use super::source::{Part, child};
+use crate::params::{AnyNode, NodeType};
+use crate::{Error, Result};
+use indexmap::IndexMap;
+use serde_json::{Map, Value as Json};
+use std::path::PathBuf;
+
+/// Every step comes after the steps that it takes values from.
+pub struct Plan {
+    pub steps: Vec<Step>,
+    /// First and last.
+    pub frames: [i64; 2],
+    pub fps: f64,
+    /// Folder that relative paths start from.
+    pub base: PathBuf,
+    /// The recipe with the overrides of the command line applied, as text.
+    pub recipe: String,
+}
+
+pub struct Step {
+    pub name: String,
+    pub node_type: &'static NodeType,
+    /// Those that the recipe gives.
+    pub params: IndexMap<String, Param>,
+    /// Per port of the node type.
+    pub inputs: Vec<Option<Wire>>,
+}
+
+pub enum Param {
+    Constant(Json),
+    Curve { curve: Curve, integer: bool },
+}
+
+/// Where an input's value comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wire {
+    pub step: usize,
+    pub output: usize,
+}
+
+impl Param {
+    pub fn at(&self, frame: f64) -> Json {
+        match self {
+            Self::Constant(value) => value.clone(),
+            Self::Curve { curve, integer: false } => curve.at(frame),
+            Self::Curve { curve, integer: true } => rounded(curve.at(frame)),
+        }
+    }
+}
+
+fn rounded(value: Json) -> Json {
+    match value {
+        Json::Number(number) if number.is_f64() => Json::from(number.as_f64().expect("is_f64").round() as i64),
+        Json::Array(list) => list.into_iter().map(rounded).collect(),
+        other => other,
+    }
+}
+
+impl Step {
+    /// The node with its parameters at a frame.
+    ///
+    /// # Errors
+    /// `Compute` when a curve passes through values that the parameters do not take together.
+    pub fn node(&self, frame: f64) -> Result<Box<dyn AnyNode>> {
+        let params = self.params.iter().map(|(name, param)| (name.clone(), param.at(frame))).collect();
+        (self.node_type.parse)(params).map_err(|message| {
+            Error::compute(format!("at frame {frame}: {message}"), "change the keys of the parameter's curve")
+                .at_node(&self.name, self.node_type.info.name)
+        })
+    }
+
+    /// It only writes files.
+    pub fn is_sink(&self) -> bool {
+        self.node_type.info.outputs.is_empty()
+    }
+}
+
+impl Plan {
+    /// Checks a recipe against the node types.
+    ///
+    /// # Errors
+    /// `Graph` with all problems, or `Usage` when only overrides of the command line are wrong.
+    pub fn new(document: &Document, registry: &'static [NodeType]) -> Result<Self> {
+        let mut planner = Planner { document, registry, problems: document.problems.clone(), overrides: Vec::new() };
+        let (mut steps, mut complete) = (Vec::new(), true);
+        for (name, entry) in &document.nodes {
+            match planner.step(name, entry) {
+                Some(step) => steps.push(step),
+                None => complete = false,
+            }
+        }
+        let order = planner.order();
+        if !planner.problems.is_empty() {
+            let mut problems = planner.problems;
+            problems.extend(planner.overrides);
+            problems.sort_by_key(|problem| problem.place.as_ref().map_or(usize::MAX, |place| place.range.start));
+            let source_text = document.source.text.clone();
+            return Err(Error::Graph { path: document.path.clone(), source_text, problems });
+        }
+        if !planner.overrides.is_empty() {
+            return Err(Error::usage(summary(&planner.overrides), ""));
+        }
+        assert!(complete, "a node that cannot be planned has a problem");
+        let mut place = vec![0; steps.len()];
+        order.iter().enumerate().for_each(|(to, from)| place[*from] = to);
+        let mut sorted: Vec<(usize, Step)> = place.iter().copied().zip(steps).collect();
+        sorted.sort_by_key(|(to, _)| *to);
+        let mut steps: Vec<Step> = sorted.into_iter().map(|(_, step)| step).collect();
+        for wire in steps.iter_mut().flat_map(|step| step.inputs.iter_mut().flatten()) {
+            wire.step = place[wire.step];
+        }
+        let (frames, fps, base) = (document.frames, document.fps, document.base.clone());
+        Ok(Self { steps, frames, fps, base, recipe: document.to_text() })
+    }
+
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.steps.iter().position(|step| step.name == name)
+    }
+
+    /// The steps of the given names, or all that write files when none is given.
+    ///
+    /// # Errors
+    /// `Usage` when there is no node of a name, or nothing that writes files.
+    pub fn targets(&self, names: &[String]) -> Result<Vec<usize>> {
+        if names.is_empty() {
+            let sinks: Vec<usize> = (0..self.steps.len()).filter(|step| self.steps[*step].is_sink()).collect();
+            if sinks.is_empty() {
+                let help = "add a write_image node, or name a node with --node";
+                return Err(Error::usage("no node of this recipe writes a file", help));
+            }
+            return Ok(sinks);
+        }
+        let find = |name: &String| {
+            self.find(name).ok_or_else(|| {
+                let help = suggest(name, self.steps.iter().map(|step| step.name.as_str()));
+                Error::usage(format!("there is no node \"{name}\" in the recipe"), help)
+            })
+        };
+        names.iter().map(find).collect()
+    }
+}
+
+struct Planner<'a> {
+    document: &'a Document,
+    registry: &'static [NodeType],
+    problems: Vec<Problem>,
+    /// Problems of parameters that were given on the command line.
+    overrides: Vec<Problem>,
+}
+
+impl Planner<'_> {
+    fn complain(&mut self, pointer: &str, part: Part, message: impl Into<String>, help: impl Into<String>) {
+        self.problems.push(self.document.source.problem(pointer, part, message, help));
+    }
+
+    fn find_type(&self, name: &str) -> Option<&'static NodeType> {
+        self.registry.iter().find(|node_type| node_type.info.name == name)
+    }
+
+    fn step(&mut self, name: &str, entry: &NodeEntry) -> Option<Step> {
+        let pointer = child("/nodes", name);
+        let Some(node_type) = self.find_type(&entry.kind) else {
+            if !entry.kind.is_empty() {
+                let help = suggest(&entry.kind, self.registry.iter().map(|node_type| node_type.info.name));
+                let message = format!("there is no node type \"{}\"", entry.kind);
+                self.complain(&child(&pointer, "type"), Part::Value, message, help);
+            }
+            return None;
+        };
+        let params = self.params(name, entry, node_type);
+        let inputs = self.inputs(name, entry, node_type);
+        Some(Step { name: name.to_owned(), node_type, params, inputs })
+    }
+
+    fn params(&mut self, node: &str, entry: &NodeEntry, node_type: &'static NodeType) -> IndexMap<String, Param> {
+        let mut params = IndexMap::new();
+        if entry.params.is_empty() {
+            return params;
+        }
+        let checker = Checker::new(node_type);
+        let mut fine = true;
+        for (name, value) in &entry.params {
+            let Some(param) = checker.param(name) else {
+                let message = format!("{} has no parameter \"{name}\"", node_type.info.name);
+                let help = suggest(name, checker.names());
+                self.complain_of_param(node, name, Part::Key, (String::new(), message, help));
+                fine = false;
+                continue;
+            };
+            match read_param(&param, value) {
+                Ok(read) => drop(params.insert(name.clone(), read)),
+                Err(complaints) => {
+                    fine = false;
+                    for (at, message, help) in complaints {
+                        let message = format!("parameter \"{name}\" of {}: {message}", node_type.info.name);
+                        self.complain_of_param(node, name, Part::Value, (at, message, help));
+                    }
+                }
+            }
+        }
+        // Each parameter may be fine, and still not go with the others.
+        let first = self.document.frames[0] as f64;
+        let all: Map<String, Json> = params.iter().map(|(name, param)| (name.clone(), param.at(first))).collect();
+        if fine && let Err(message) = (node_type.parse)(all) {
+            let pointer = child(&child("/nodes", node), "params");
+            self.complain(&pointer, Part::Value, format!("parameters of {}: {message}", node_type.info.name), "");
+        }
+        params
+    }
+
+    fn complain_of_param(&mut self, node: &str, name: &str, part: Part, (at, message, help): Complaint) {
+        let pointer = format!("{}{at}", child(&child(&child("/nodes", node), "params"), name));
+        match self.document.overrides.get(&(node.to_owned(), name.to_owned())) {
+            Some(argument) => {
+                let message = format!("--set {argument}: {message}");
+                self.overrides.push(Problem { message, help, pointer, place: None });
+            }
+            None => self.complain(&pointer, part, message, help),
+        }
+    }
+
+    fn inputs(&mut self, name: &str, entry: &NodeEntry, node_type: &NodeType) -> Vec<Option<Wire>> {
+        let info = node_type.info;
+        let pointer = child("/nodes", name);
+        for port in entry.inputs.keys().filter(|port| !info.inputs.iter().any(|known| known.name == port.as_str())) {
+            let help = suggest(port, info.inputs.iter().map(|port| port.name));
+            let message = format!("{} has no input \"{port}\"", info.name);
+            self.complain(&child(&child(&pointer, "inputs"), port), Part::Key, message, help);
+        }
+        let mut wires = Vec::new();
+        for port in info.inputs {
+            let wire = entry.inputs.get(port.name).and_then(|from| {
+                let pointer = child(&child(&pointer, "inputs"), port.name);
+                let (wire, kind) = self.wire(&pointer, from)?;
+                if kind == port.kind {
+                    return Some(wire);
+                }
+                let (wanted, given) = (port.kind.name(), kind.name());
+                let message = format!(
+                    "input \"{}\" of \"{name}\" ({}) takes {wanted}, but \"{from}\" gives {given}",
+                    port.name, info.name
+                );
+                let fitting: Vec<String> = self.givers(port.kind);
+                let help = match fitting.is_empty() {
+                    true => format!("no node of this recipe gives {wanted}"),
+                    false => format!("{wanted} is given by {}", fitting.join(", ")),
+                };
+                self.complain(&pointer, Part::Value, message, help);
+                None
+            });
+            if !port.optional && !entry.inputs.contains_key(port.name) {
+                let message = format!("input \"{}\" of \"{name}\" ({}) is not connected", port.name, info.name);
+                let help = format!("connect a node that gives {}: {}", port.kind.name(), port.doc);
+                self.complain(&pointer, Part::Key, message, help);
+            }
+            wires.push(wire);
+        }
+        wires
+    }
+
+    /// The output that `"node"` or `"node.port"` names, by the document's order, and its type.
+    fn wire(&mut self, pointer: &str, from: &str) -> Option<(Wire, crate::value::Kind)> {
+        let (node, port) = from.split_once('.').map_or((from, None), |(node, port)| (node, Some(port)));
+        let document = self.document;
+        let Some((step, _, entry)) = document.nodes.get_full(node) else {
+            let help = suggest(node, document.nodes.keys().map(String::as_str));
+            self.complain(pointer, Part::Value, format!("there is no node \"{node}\""), help);
+            return None;
+        };
+        // A node of an unknown type is a problem of its own.
+        let info = self.find_type(&entry.kind)?.info;
+        let output = match port {
+            None => info.outputs.first().map(|_| 0),
+            Some(port) => info.outputs.iter().position(|output| output.name == port),
+        };
+        let Some(output) = output else {
+            let (message, help) = match port {
+                Some(port) => (
+                    format!("\"{node}\" ({}) has no output \"{port}\"", info.name),
+                    suggest(port, info.outputs.iter().map(|output| output.name)),
+                ),
+                None => (format!("\"{node}\" ({}) has no outputs", info.name), String::new()),
+            };
+            self.complain(pointer, Part::Value, message, help);
+            return None;
+        };
+        Some((Wire { step, output }, info.outputs[output].kind))
+    }
+
+    /// What of this recipe gives values of a type, as inputs name it.
+    fn givers(&self, kind: crate::value::Kind) -> Vec<String> {
+        let mut found = Vec::new();
+        for (name, entry) in &self.document.nodes {
+            let outputs = self.find_type(&entry.kind).map_or(&[][..], |node_type| node_type.info.outputs);
+            for (index, output) in outputs.iter().enumerate().filter(|(_, output)| output.kind == kind) {
+                found.push(if index == 0 { format!("\"{name}\"") } else { format!("\"{name}.{}\"", output.name) });
+            }
+        }
+        found
+    }
+
+    /// Indices of the document's nodes, each after its inputs, otherwise as written. Names every loop.
+    fn order(&mut self) -> Vec<usize> {
+        let nodes = &self.document.nodes;
+        let sources: Vec<Vec<usize>> = nodes
+            .values()
+            .map(|entry| {
+                let names = entry.inputs.values().map(|from| from.split('.').next().unwrap_or(from));
+                names.filter_map(|name| nodes.get_index_of(name)).collect()
+            })
+            .collect();
+        let mut waiting: Vec<usize> = sources.iter().map(Vec::len).collect();
+        let mut takers = vec![Vec::new(); nodes.len()];
+        for (taker, sources) in sources.iter().enumerate() {
+            sources.iter().for_each(|source| takers[*source].push(taker));
+        }
+        let mut ready: std::collections::BTreeSet<usize> =
+            (0..nodes.len()).filter(|node| waiting[*node] == 0).collect();
+        let mut order = Vec::new();
+        while let Some(node) = ready.pop_first() {
+            order.push(node);
+            for taker in &takers[node] {
+                waiting[*taker] -= 1;
+                if waiting[*taker] == 0 {
+                    ready.insert(*taker);
+                }
+            }
+        }
+        let mut seen: Vec<bool> = waiting.iter().map(|count| *count == 0).collect();
+        while let Some(start) = seen.iter().position(|seen| !seen) {
+            // Backwards along wires that never became ready: this must come round, or meet a loop that is known.
+            let mut path: Vec<usize> = Vec::new();
+            let mut node = start;
+            while !seen[node] {
+                seen[node] = true;
+                path.push(node);
+                let stuck = |source: &&usize| waiting[**source] > 0;
+                node = *sources[node].iter().find(stuck).expect("a stuck node has a stuck input");
+            }
+            if let Some(from) = path.iter().position(|member| *member == node) {
+                let name = |index: &usize| nodes.get_index(*index).map_or("", |(name, _)| name.as_str());
+                let mut names: Vec<&str> = path[from..].iter().rev().map(name).collect();
+                names.push(names[0]);
+                let message = format!("nodes feed themselves: {}", names.join(" -> "));
+                let pointer = child("/nodes", names[0]);
+                self.complain(&pointer, Part::Key, message, "take one of these wires out");
+            }
+        }
+        order
+    }
+}
+
+/// A curve when it is written as one, unless the parameter takes just such an object as its value.
+fn read_param(param: &ParamChecker, value: &Json) -> std::result::Result<Param, Vec<Complaint>> {
+    let Some(object) = value.as_object().filter(|_| curve::is_curve(value) && !param.accepts(value)) else {
+        let complaints = param.complaints(value);
+        return if complaints.is_empty() { Ok(Param::Constant(value.clone())) } else { Err(complaints) };
+    };
+    let curve = Curve::parse(object)?;
+    let complaints: Vec<Complaint> = curve
+        .keys()
+        .iter()
+        .enumerate()
+        .flat_map(|(index, (_, value))| {
+            let inside = move |(at, message, help)| (format!("/keys/{index}/1{at}"), message, help);
+            param.complaints(value).into_iter().map(inside)
+        })
+        .collect();
+    if complaints.is_empty() { Ok(Param::Curve { curve, integer: param.integer }) } else { Err(complaints) }
+}

@@ -1,0 +1,1 @@
+//! Scenes that ship in the program: made here, no file needed.

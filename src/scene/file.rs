@@ -1,0 +1,312 @@
+//! glTF 2.0 files (.gltf, .glb) into scenes: triangles, base colours and textures, emission, punctual lights, cameras.
+//!
+//! Not read: Draco and meshopt compression (refused with a message), animation and skins (bind pose), point and line
+//! primitives (counted).
+
+use crate::scene::geometry::{GeometryBuilder, Mesh};
+use crate::scene::material::{Texture, linear_from_srgb8};
+use crate::scene::{Camera, Light, LightKind, Material, Scene};
+use crate::{Error, Result};
+use glam::{Mat3, Mat4, Vec3};
+use gltf::khr_lights_punctual::Kind;
+use gltf::mesh::Mode;
+use serde_json::Value as Json;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What a file held beside what was used; said in the report.
+#[derive(Clone, Debug, Default)]
+pub struct Census {
+    pub triangles: usize,
+    pub zero_area: usize,
+    pub skipped_primitives: usize,
+}
+
+/// Reads a scene; lengths are multiplied by `scale`.
+///
+/// Errors: `Error::File` for a missing, truncated or invalid file, an extension that is required and not read, a
+/// vertex or index that makes no sense.
+pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
+    let bytes = std::fs::read(path).map_err(|e| Error::file(path, e.to_string(), "check the path in the recipe"))?;
+    refuse_extensions(path, &bytes)?;
+    let broken =
+        |e: gltf::Error| Error::file(path, format!("is not a readable glTF file: {e}"), "export it again as glTF 2.0");
+    // The importer slices buffers by the file's own numbers, so validation must come first; it does, in from_slice.
+    let gltf = gltf::Gltf::from_slice(&bytes).map_err(broken)?;
+    let (document, blob) = (gltf.document, gltf.blob);
+    let base = path.parent();
+    let buffers = gltf::import_buffers(&document, base, blob).map_err(broken)?;
+    check_accessors(path, &document, &buffers)?;
+    let images = gltf::import_images(&document, base, &buffers).map_err(broken)?;
+
+    let mut reader = Reader {
+        path,
+        materials: document.materials().len(),
+        buffers: &buffers,
+        builder: GeometryBuilder::default(),
+        lights: vec![],
+        cameras: vec![],
+        census: Census::default(),
+    };
+    let scene = document.default_scene().or_else(|| document.scenes().next());
+    let roots: Vec<gltf::Node> = match scene {
+        Some(scene) => scene.nodes().collect(),
+        None => document.nodes().collect(),
+    };
+    let world = Mat4::from_scale(Vec3::splat(scale));
+    for root in roots {
+        reader.node(&root, world, 0)?;
+    }
+    let mut materials: Vec<Material> = document.materials().map(|m| material(&m, &images)).collect();
+    materials.push(Material { name: "default".into(), ..Material::matte([0.8; 3]) });
+    let names = materials.iter().map(|m| m.name.clone()).collect();
+    let Reader { builder, lights, cameras, mut census, .. } = reader;
+    census.zero_area = builder.rejected.zero_area;
+    let geometry = builder.finish(names).map_err(|e| Error::file(path, e.to_string(), e.help()))?;
+    census.triangles = geometry.corners.len();
+    let scene = Scene {
+        geometry: Arc::new(geometry),
+        materials: Arc::new(materials),
+        lights: Arc::new(lights),
+        cameras: Arc::new(cameras),
+    };
+    Ok((scene, census))
+}
+
+/// Files that a .gltf file points to, relative to it; their content belongs to the scene's.
+pub fn dependencies(path: &Path) -> Vec<PathBuf> {
+    let Some(json) = std::fs::read(path).ok().and_then(|bytes| json_chunk(&bytes)) else { return vec![] };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let lists = ["buffers", "images"].into_iter().filter_map(|list| json.get(list)?.as_array());
+    lists
+        .flatten()
+        .filter_map(|entry| entry.get("uri")?.as_str())
+        .filter(|uri| !uri.starts_with("data:"))
+        .map(|uri| folder.join(percent_decoded(uri)))
+        .collect()
+}
+
+fn percent_decoded(uri: &str) -> String {
+    let mut out = Vec::new();
+    let mut bytes = uri.bytes();
+    while let Some(byte) = bytes.next() {
+        if byte == b'%' {
+            let hex: String = bytes.by_ref().take(2).map(char::from).collect();
+            out.push(u8::from_str_radix(&hex, 16).unwrap_or(b'%'));
+        } else {
+            out.push(byte);
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+/// The JSON part of a .glb, or all of a .gltf.
+fn json_chunk(bytes: &[u8]) -> Option<Json> {
+    if !bytes.starts_with(b"glTF") {
+        return serde_json::from_slice(bytes).ok();
+    }
+    let length = u32::from_le_bytes(bytes.get(12..16)?.try_into().ok()?) as usize;
+    serde_json::from_slice(bytes.get(20..20usize.checked_add(length)?)?).ok()
+}
+
+const UNREADABLE: [(&str, &str); 4] = [
+    ("KHR_draco_mesh_compression", "Draco"),
+    ("EXT_meshopt_compression", "meshopt"),
+    ("KHR_meshopt_compression", "meshopt"),
+    ("KHR_texture_basisu", "Basis Universal texture"),
+];
+
+fn refuse_extensions(path: &Path, bytes: &[u8]) -> Result<()> {
+    let Some(json) = json_chunk(bytes) else { return Ok(()) };
+    let required = json.get("extensionsRequired").and_then(Json::as_array);
+    for name in required.into_iter().flatten().filter_map(Json::as_str) {
+        if let Some((_, what)) = UNREADABLE.iter().find(|(extension, _)| *extension == name) {
+            let help = "decompress it first, for example: gltf-transform copy in.glb out.glb";
+            return Err(Error::file(path, format!("uses {what} compression ({name}), which is not read"), help));
+        }
+    }
+    Ok(())
+}
+
+/// The importer checks JSON, not sizes: an accessor past its buffer would panic while it is read.
+fn check_accessors(path: &Path, document: &gltf::Document, buffers: &[gltf::buffer::Data]) -> Result<()> {
+    let short = |what: String| Err(Error::file(path, what, "the file is truncated or damaged; export it again"));
+    for view in document.views() {
+        let length = buffers[view.buffer().index()].len();
+        if view.offset().checked_add(view.length()).is_none_or(|end| end > length) {
+            return short(format!("buffer view {} ends past the {length} bytes of its buffer", view.index()));
+        }
+    }
+    for accessor in document.accessors() {
+        let Some(view) = accessor.view() else { continue };
+        let stride = view.stride().unwrap_or(accessor.size());
+        let needed = accessor
+            .count()
+            .saturating_sub(1)
+            .saturating_mul(stride)
+            .saturating_add(accessor.size())
+            .saturating_add(accessor.offset());
+        if accessor.count() > 0 && needed > view.length() {
+            return short(format!(
+                "accessor {} needs {needed} bytes, its view has {}",
+                accessor.index(),
+                view.length()
+            ));
+        }
+    }
+    Ok(())
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    /// Materials of the file.
+    materials: usize,
+    buffers: &'a [gltf::buffer::Data],
+    builder: GeometryBuilder,
+    lights: Vec<Light>,
+    cameras: Vec<Camera>,
+    census: Census,
+}
+
+impl Reader<'_> {
+    fn node(&mut self, node: &gltf::Node, parent: Mat4, depth: usize) -> Result<()> {
+        if depth > 512 {
+            return Err(Error::file(
+                self.path,
+                "nodes are nested more than 512 deep",
+                "the node tree probably has a loop",
+            ));
+        }
+        let world = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
+        let name = |fallback: Option<&str>| {
+            node.name().or(fallback).map_or_else(|| format!("node_{}", node.index()), str::to_owned)
+        };
+        if let Some(mesh) = node.mesh() {
+            let object = self.builder.object(&name(mesh.name()));
+            for primitive in mesh.primitives() {
+                self.primitive(object, &primitive, world)?;
+            }
+        }
+        let basis = Mat3::from_mat4(world);
+        let position = world.w_axis.truncate();
+        let axis = |v: Vec3, instead: Vec3| (basis * v).normalize_or(instead);
+        if let Some(camera) = node.camera()
+            && let gltf::camera::Projection::Perspective(lens) = camera.projection()
+        {
+            let columns = Mat3::from_cols(axis(Vec3::X, Vec3::X), axis(Vec3::Y, Vec3::Y), axis(Vec3::Z, Vec3::Z));
+            self.cameras.push(Camera {
+                name: name(camera.name()),
+                position,
+                world_from_camera: columns,
+                fov_y: lens.yfov(),
+            });
+        }
+        if let Some(light) = node.light() {
+            let direction = axis(Vec3::NEG_Z, Vec3::NEG_Y);
+            let kind = match light.kind() {
+                Kind::Point => LightKind::Point { position },
+                Kind::Directional => LightKind::Directional { direction },
+                Kind::Spot { inner_cone_angle: inner, outer_cone_angle: outer } => {
+                    LightKind::Spot { position, direction, inner, outer }
+                }
+            };
+            self.lights.push(Light {
+                name: name(light.name()),
+                kind,
+                intensity: Vec3::from(light.color()) * light.intensity(),
+            });
+        }
+        node.children().try_for_each(|child| self.node(&child, world, depth + 1))
+    }
+
+    fn primitive(&mut self, object: u32, primitive: &gltf::Primitive, world: Mat4) -> Result<()> {
+        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(|data| &data[..]));
+        let positions: Vec<[f32; 3]> = reader.read_positions().into_iter().flatten().collect();
+        let indices: Vec<u32> = match reader.read_indices() {
+            Some(indices) => indices.into_u32().collect(),
+            None => (0..positions.len() as u32).collect(),
+        };
+        let indices = match primitive.mode() {
+            Mode::Triangles => indices,
+            Mode::TriangleStrip => strip(&indices),
+            Mode::TriangleFan => indices.windows(2).skip(1).flat_map(|pair| [indices[0], pair[0], pair[1]]).collect(),
+            _ => {
+                self.census.skipped_primitives += 1;
+                return Ok(());
+            }
+        };
+        let normals: Option<Vec<[f32; 3]>> = reader.read_normals().map(Iterator::collect);
+        let material = primitive.material();
+        let uv_set = material.pbr_metallic_roughness().base_color_texture().map_or(0, |texture| texture.tex_coord());
+        let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(uv_set).map(|uvs| uvs.into_f32().collect());
+        // The file's default material has no index; ours stands behind the file's own.
+        let material = material.index().unwrap_or(self.materials) as u32;
+        let mesh = Mesh {
+            positions: &positions,
+            normals: normals.as_deref(),
+            uvs: uvs.as_deref(),
+            indices: &indices,
+            material,
+        };
+        self.builder.add(object, &mesh, world).map_err(|what| {
+            let found = format!("mesh of object \"{}\": {what}", self.builder.object_name(object));
+            Error::file(self.path, found, "repair the mesh in the program it came from, and export it again")
+        })
+    }
+}
+
+fn strip(indices: &[u32]) -> Vec<u32> {
+    let turned = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
+    indices.windows(3).enumerate().flat_map(turned).collect()
+}
+
+fn material(from: &gltf::Material, images: &[gltf::image::Data]) -> Material {
+    let pbr = from.pbr_metallic_roughness();
+    let [r, g, b, _] = pbr.base_color_factor();
+    let strength = from.emissive_strength().unwrap_or(1.0);
+    let texture = pbr.base_color_texture().and_then(|info| {
+        let image = &images[info.texture().source().index()];
+        let (offset, rotation, scale) =
+            info.texture_transform().map_or(([0.0; 2], 0.0, [1.0; 2]), |t| (t.offset(), t.rotation(), t.scale()));
+        let (sin, cos) = f32::sin_cos(rotation);
+        let uv_from_uv = [cos * scale[0], -sin * scale[0], sin * scale[1], cos * scale[1], offset[0], offset[1]];
+        Some(Texture {
+            width: image.width as usize,
+            height: image.height as usize,
+            texels: texels(image)?.into(),
+            uv_from_uv,
+        })
+    });
+    Material {
+        name: from.name().map_or_else(|| format!("material_{}", from.index().unwrap_or(0)), str::to_owned),
+        base_colour: [r, g, b],
+        base_colour_texture: texture,
+        emission: from.emissive_factor().map(|e| e * strength),
+        roughness: pbr.roughness_factor(),
+        metallic: pbr.metallic_factor(),
+        specular: from.specular().map_or(1.0, |specular| specular.specular_factor()),
+    }
+}
+
+/// Base colour pictures are sRGB; 16-bit and float ones are rare and read as linear only when float.
+fn texels(image: &gltf::image::Data) -> Option<Vec<[f32; 3]>> {
+    use gltf::image::Format;
+    let bytes = &image.pixels;
+    let grey = |v: u8| [linear_from_srgb8(v); 3];
+    let rgb = |p: &[u8]| [linear_from_srgb8(p[0]), linear_from_srgb8(p[1]), linear_from_srgb8(p[2])];
+    // The high byte of little-endian 16 bits.
+    let rgb16 = |p: &[u8]| [linear_from_srgb8(p[1]), linear_from_srgb8(p[3]), linear_from_srgb8(p[5])];
+    let float = |p: &[u8]| [0, 4, 8].map(|i| f32::from_le_bytes([p[i], p[i + 1], p[i + 2], p[i + 3]]));
+    Some(match image.format {
+        Format::R8 => bytes.iter().map(|&v| grey(v)).collect(),
+        Format::R8G8 => bytes.chunks_exact(2).map(|p| grey(p[0])).collect(),
+        Format::R8G8B8 => bytes.chunks_exact(3).map(rgb).collect(),
+        Format::R8G8B8A8 => bytes.chunks_exact(4).map(rgb).collect(),
+        Format::R16 => bytes.chunks_exact(2).map(|p| grey(p[1])).collect(),
+        Format::R16G16 => bytes.chunks_exact(4).map(|p| grey(p[1])).collect(),
+        Format::R16G16B16 => bytes.chunks_exact(6).map(rgb16).collect(),
+        Format::R16G16B16A16 => bytes.chunks_exact(8).map(rgb16).collect(),
+        Format::R32G32B32FLOAT => bytes.chunks_exact(12).map(float).collect(),
+        Format::R32G32B32A32FLOAT => bytes.chunks_exact(16).map(float).collect(),
+    })
+}

@@ -1,0 +1,234 @@
+//! Gather samples: points that stand for all surfaces as sources of indirect light (thesis 5.3.1, DESIGN section 7).
+//!
+//! They lie uniformly by area over the live sides of all surfaces, number a power of two, are addressed by triangle and
+//! barycentrics, and are ordered by hierarchical clustering, so that sample `i` is leaf `count + i` of a complete binary
+//! tree: node `n` has children `2n` and `2n + 1`, node 1 is the whole scene.
+
+use crate::device::Array;
+use crate::scene::bvh::Ray;
+use crate::scene::{Geometry, SurfacePoint};
+use crate::transport::cluster;
+use crate::transport::sampling;
+use crate::transport::sides::Live;
+use crate::{Error, Result};
+use glam::{Vec2, Vec3};
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+use std::num::NonZero;
+
+/// Says that a side of a triangle is dead, in `Gather::sides`.
+pub const DEAD: u32 = u32::MAX;
+
+/// The gather samples of a scene with what kernels need to credit a ray's hit to one of them.
+#[derive(Clone, Debug, Default)]
+pub struct Gather {
+    /// M, in tree order.
+    pub points: Array<SurfacePoint>,
+    /// Barycentrics (second, third corner) of each sample on its triangle.
+    pub barycentrics: Array<[f32; 2]>,
+    /// Square metres that one sample stands for.
+    pub area: f32,
+    /// Squared bounding radius of each of the 2M tree nodes, m²; 0 for leaves, infinite where normals differ too much
+    /// for the node to stand for its samples.
+    pub radius2: Array<f32>,
+    /// Per triangle: offsets into `cells` for its front and back (`DEAD` for none), and cells along an edge.
+    pub sides: Array<[u32; 4]>,
+    /// The nearest sample of each small cell of each live triangle side.
+    pub cells: Array<u32>,
+}
+
+impl Gather {
+    pub fn count(&self) -> usize {
+        self.points.len()
+    }
+
+    pub fn bytes(&self) -> u64 {
+        (48 + 8 + 8) * self.points.len() as u64 + 16 * self.sides.len() as u64 + 4 * self.cells.len() as u64
+    }
+
+    /// About the distance from a sample to the next, metres.
+    pub fn spacing(&self) -> f32 {
+        self.area.sqrt()
+    }
+
+    /// Places `count` samples (a power of two, 2 to 2^20) on the live sides.
+    pub fn place(geometry: &Geometry, live: &Live, count: usize) -> Result<Self> {
+        if !count.is_power_of_two() || !(2..=1 << 20).contains(&count) {
+            return Err(Error::compute(
+                format!("gather_samples is {count}; it must be a power of two from 2 to 1048576"),
+                format!("use {}", count.clamp(2, 1 << 20).next_power_of_two().min(1 << 20)),
+            ));
+        }
+        let area = live_area(geometry, live);
+        if !(area > 0.0) {
+            return Err(Error::compute(
+                "no surface is in view, so there is nothing to gather light from",
+                "turn the camera towards the scene",
+            ));
+        }
+        let (points, barycentrics) = scatter(geometry, live, count, area);
+        let order = cluster::order(&points);
+        let points: Vec<SurfacePoint> = order.iter().map(|&i| points[i as usize]).collect();
+        let barycentrics: Vec<[f32; 2]> = order.iter().map(|&i| barycentrics[i as usize]).collect();
+        let area = (area / count as f64) as f32;
+        let (sides, cells) = cells(geometry, live, &points, area);
+        let radius2 = cluster::squared_radii(&points);
+        Ok(Self {
+            points: points.into(),
+            barycentrics: barycentrics.into(),
+            area,
+            radius2: radius2.into(),
+            sides: sides.into(),
+            cells: cells.into(),
+        })
+    }
+}
+
+/// Triangle sides that are live, in the order of BVH leaves: neighbours in the list are neighbours in space.
+fn live_list<'a>(geometry: &'a Geometry, live: &'a Live) -> impl Iterator<Item = (usize, bool)> + 'a {
+    geometry.bvh.facets.iter().flat_map(move |facet| {
+        let triangle = facet.triangle as usize;
+        [(1, true), (2, false)]
+            .into_iter()
+            .filter(move |(bit, _)| live[triangle] & bit != 0)
+            .map(move |(_, front)| (triangle, front))
+    })
+}
+
+fn live_area(geometry: &Geometry, live: &Live) -> f64 {
+    live_list(geometry, live).map(|(triangle, _)| f64::from(geometry.area(triangle))).sum()
+}
+
+/// Walks the cumulated area in equal steps; a triangle's share gets a lattice of its own.
+fn scatter(geometry: &Geometry, live: &Live, count: usize, total: f64) -> (Vec<SurfacePoint>, Vec<[f32; 2]>) {
+    let step = total / count as f64;
+    let mut points = Vec::with_capacity(count);
+    let mut barycentrics = Vec::with_capacity(count);
+    // Half a step in: the walk then takes `count` steps whatever the rounding.
+    let (mut walked, mut next) = (0.0, 0.5 * step);
+    let mut put = |triangle: usize, front: bool, here: u32| {
+        let shift = sampling::shift(triangle as u32 * 2 + u32::from(front));
+        for i in 0..here {
+            let at = if here == 1 { shift } else { sampling::lattice(i, here, Vec2::new(0.0, shift.y)) };
+            let at = sampling::triangle(at);
+            points.push(geometry.surface_point(triangle, at.x, at.y, front));
+            barycentrics.push([at.x, at.y]);
+        }
+    };
+    let mut placed = 0;
+    let mut last = (0, true);
+    for (triangle, front) in live_list(geometry, live) {
+        walked += f64::from(geometry.area(triangle));
+        let mut here = 0;
+        while next < walked && placed < count {
+            here += 1;
+            placed += 1;
+            next += step;
+        }
+        if here > 0 {
+            put(triangle, front, here);
+            last = (triangle, front);
+        }
+    }
+    put(last.0, last.1, (count - placed) as u32);
+    (points, barycentrics)
+}
+
+/// Position and normal in one space: turning by 90 degrees is as far as six sample distances.
+fn feature(point: &SurfacePoint, normal_scale: f32) -> [f32; 6] {
+    let [x, y, z] = point.position;
+    let n = Vec3::from(point.geometric_normal) * normal_scale;
+    [x, y, z, n.x, n.y, n.z]
+}
+
+/// Cuts each live triangle side into k² equal small triangles, about eight to a sample, and finds the nearest sample of
+/// each that no surface hides, once; a ray's hit then costs one look-up.
+fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -> (Vec<[u32; 4]>, Vec<u32>) {
+    let normal_scale = 4.0 * area.sqrt();
+    let features: Vec<[f32; 6]> = points.iter().map(|point| feature(point, normal_scale)).collect();
+    let tree: ImmutableKdTree<f32, 6> = ImmutableKdTree::new_from_slice(&features);
+    let mut sides = vec![[DEAD, DEAD, 1, 0]; geometry.corners.len()];
+    let mut jobs = Vec::new();
+    let mut total = 0u32;
+    for (triangle, side) in sides.iter_mut().enumerate() {
+        let k = (geometry.area(triangle) * 8.0 / area).sqrt().ceil().clamp(1.0, 4096.0) as u32;
+        side[2] = k;
+        for (bit, front) in [(1, true), (2, false)] {
+            if live[triangle] & bit != 0 {
+                side[usize::from(!front)] = total;
+                jobs.push((triangle, front, k));
+                total += k * k;
+            }
+        }
+    }
+    // A sample beyond a surface is near but in other light: under the box, behind the wall, inside the head. The test
+    // ray runs a little above the surface.
+    let height = 0.25 * area.sqrt();
+    let above = |point: &SurfacePoint| Vec3::from(point.position) + Vec3::from(point.geometric_normal) * height;
+    let apart = |a: &SurfacePoint, b: &SurfacePoint| {
+        let direction = above(b) - above(a);
+        geometry.bvh.any(&Ray { origin: above(a), direction, t_max: 1.0 })
+    };
+    let nearest = |triangle: usize, front: bool, u: f32, v: f32| {
+        let at = geometry.surface_point(triangle, u, v, front);
+        let query = feature(&at, normal_scale);
+        let first = tree.nearest_one::<SquaredEuclidean>(&query).item as u32;
+        if !apart(&at, &points[first as usize]) {
+            return first;
+        }
+        let few = tree.nearest_n::<SquaredEuclidean>(&query, NonZero::new(16).expect("16"));
+        few.iter().map(|found| found.item as u32).find(|&i| !apart(&at, &points[i as usize])).unwrap_or(first)
+    };
+    let found = jobs.par_iter().flat_map_iter(|&(triangle, front, k)| {
+        centroids(k)
+            .map(move |(u, v)| (triangle, front, u, v))
+            .map(|(triangle, front, u, v)| nearest(triangle, front, u, v))
+    });
+    (sides, found.collect())
+}
+
+/// Barycentrics of the centroids of the k² cells, in the order of `cell_index`.
+fn centroids(k: u32) -> impl Iterator<Item = (f32, f32)> {
+    let step = 1.0 / k as f32;
+    (0..k).flat_map(move |i| {
+        (0..2 * (k - i) - 1).map(move |c| {
+            let (j, upper) = (c / 2, c % 2);
+            let third = if upper == 1 { 2.0 / 3.0 } else { 1.0 / 3.0 };
+            ((i as f32 + third) * step, (j as f32 + third) * step)
+        })
+    })
+}
+
+/// The cell of a triangle cut k times an edge that holds barycentrics `u`, `v`: rows of `u`, cells up and down by turns.
+pub fn cell_index(u: f32, v: f32, k: u32) -> u32 {
+    let (x, y) = (u * k as f32, v * k as f32);
+    let i = (x as u32).min(k - 1);
+    let j = (y as u32).min(k - 1 - i);
+    let upper = u32::from((x - i as f32) + (y - j as f32) > 1.0 && i + j + 1 < k);
+    i * (2 * k - i) + 2 * j + upper
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_numbered_as_their_centroids_are_listed() {
+        for k in [1, 2, 3, 7, 64] {
+            let all: Vec<_> = centroids(k).collect();
+            assert_eq!(all.len(), (k * k) as usize);
+            for (index, (u, v)) in all.into_iter().enumerate() {
+                assert_eq!(cell_index(u, v, k), index as u32, "k {k}, ({u}, {v})");
+            }
+        }
+    }
+
+    #[test]
+    fn a_cell_index_never_leaves_its_triangle() {
+        for k in [1, 2, 5, 33] {
+            for (u, v) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (1.0, 1.0)] {
+                assert!(cell_index(u, v, k) < k * k, "k {k}, ({u}, {v})");
+            }
+        }
+    }
+}
