@@ -6,12 +6,12 @@
 //! Output: N x RGB irradiance (W/m², fourth component 0), and where materials are given, N x RGB radiance that
 //! a GGX highlight (Walter et al. 2007, Schlick's Fresnel) sends to the eye.
 
+use crate::Result;
 use crate::device::{Array, Device};
 use crate::scene::bvh::Ray;
 use crate::scene::light::{Emitter, LightRecord};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::sampling;
-use crate::Result;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -73,7 +73,13 @@ pub fn direct_light(
     }
 }
 
-fn cpu(geometry: &Geometry, points: &[SurfacePoint], uniforms: &Uniforms, emitters: &[Emitter], gloss: &[[f32; 4]]) -> Lit {
+fn cpu(
+    geometry: &Geometry,
+    points: &[SurfacePoint],
+    uniforms: &Uniforms,
+    emitters: &[Emitter],
+    gloss: &[[f32; 4]],
+) -> Lit {
     let mut irradiance = vec![[0.0; 4]; points.len()];
     let mut highlight = vec![[0.0; 4]; if uniforms.highlights == 1 { points.len() } else { 0 }];
     const TILE: usize = 1024;
@@ -145,7 +151,10 @@ fn shade(
                 let before = if chosen > 0 { emitters[chosen - 1].cumulative } else { 0.0 };
                 let share = emitter.cumulative - before;
                 // The remainder of the pick is uniform again, and keeps the strata.
-                let at = Vec2::new(((pick - before) / share).clamp(0.0, 1.0), sampling::unit(i.wrapping_mul(2_654_435_769)) + shift.y);
+                let at = Vec2::new(
+                    ((pick - before) / share).clamp(0.0, 1.0),
+                    sampling::unit(i.wrapping_mul(2_654_435_769)) + shift.y,
+                );
                 let at = sampling::triangle(Vec2::new(at.x, at.y - at.y.floor()));
                 let (edge_u, edge_v) = (Vec3::from(emitter.edge_u), Vec3::from(emitter.edge_v));
                 let towards = Vec3::from(emitter.corner) + edge_u * at.x + edge_v * at.y - position;

@@ -120,4 +120,3 @@ fn cast(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, u
     }
     (node, hit.t)
 }
-

@@ -95,14 +95,7 @@ impl Bvh {
 
 fn facet(triangle: u32, [a, b, c]: &[[f32; 3]; 3]) -> Facet {
     let (a, b, c) = (Vec3::from(*a), Vec3::from(*b), Vec3::from(*c));
-    Facet {
-        corner: a.to_array(),
-        triangle,
-        edge_u: (b - a).to_array(),
-        pad0: 0,
-        edge_v: (c - a).to_array(),
-        pad1: 0,
-    }
+    Facet { corner: a.to_array(), triangle, edge_u: (b - a).to_array(), pad0: 0, edge_v: (c - a).to_array(), pad1: 0 }
 }
 
 fn node(from: &obvhs::bvh2::node::Bvh2Node) -> Node {
@@ -127,7 +120,8 @@ fn widen(bvh: &Bvh2) -> Vec<WideNode> {
         let mut children = if root.is_leaf() { vec![from] } else { vec![root.first_index, root.first_index + 1] };
         while children.len() < 8 {
             let inner = |&(_, &index): &(usize, &u32)| !bvh.nodes[index as usize].is_leaf();
-            let largest = children.iter().enumerate().filter(inner).max_by(|a, b| half_area(*a.1).total_cmp(&half_area(*b.1)));
+            let largest =
+                children.iter().enumerate().filter(inner).max_by(|a, b| half_area(*a.1).total_cmp(&half_area(*b.1)));
             let Some((slot, &index)) = largest else { break };
             let first = bvh.nodes[index as usize].first_index;
             children[slot] = first;

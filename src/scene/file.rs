@@ -29,7 +29,8 @@ pub struct Census {
 pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
     let bytes = std::fs::read(path).map_err(|e| Error::file(path, e.to_string(), "check the path in the recipe"))?;
     refuse_extensions(path, &bytes)?;
-    let broken = |e: gltf::Error| Error::file(path, format!("is not a readable glTF file: {e}"), "export it again as glTF 2.0");
+    let broken =
+        |e: gltf::Error| Error::file(path, format!("is not a readable glTF file: {e}"), "export it again as glTF 2.0");
     // The importer slices buffers by the file's own numbers, so validation must come first; it does, in from_slice.
     let gltf = gltf::Gltf::from_slice(&bytes).map_err(broken)?;
     let (document, blob) = (gltf.document, gltf.blob);
@@ -38,7 +39,15 @@ pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
     check_accessors(path, &document, &buffers)?;
     let images = gltf::import_images(&document, base, &buffers).map_err(broken)?;
 
-    let mut reader = Reader { path, materials: document.materials().len(), buffers: &buffers, builder: GeometryBuilder::default(), lights: vec![], cameras: vec![], census: Census::default() };
+    let mut reader = Reader {
+        path,
+        materials: document.materials().len(),
+        buffers: &buffers,
+        builder: GeometryBuilder::default(),
+        lights: vec![],
+        cameras: vec![],
+        census: Census::default(),
+    };
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let roots: Vec<gltf::Node> = match scene {
         Some(scene) => scene.nodes().collect(),
@@ -55,7 +64,12 @@ pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
     census.zero_area = builder.rejected.zero_area;
     let geometry = builder.finish(names).map_err(|e| Error::file(path, e.to_string(), e.help()))?;
     census.triangles = geometry.corners.len();
-    let scene = Scene { geometry: Arc::new(geometry), materials: Arc::new(materials), lights: Arc::new(lights), cameras: Arc::new(cameras) };
+    let scene = Scene {
+        geometry: Arc::new(geometry),
+        materials: Arc::new(materials),
+        lights: Arc::new(lights),
+        cameras: Arc::new(cameras),
+    };
     Ok((scene, census))
 }
 
@@ -126,9 +140,18 @@ fn check_accessors(path: &Path, document: &gltf::Document, buffers: &[gltf::buff
     for accessor in document.accessors() {
         let Some(view) = accessor.view() else { continue };
         let stride = view.stride().unwrap_or(accessor.size());
-        let needed = accessor.count().saturating_sub(1).saturating_mul(stride).saturating_add(accessor.size()).saturating_add(accessor.offset());
+        let needed = accessor
+            .count()
+            .saturating_sub(1)
+            .saturating_mul(stride)
+            .saturating_add(accessor.size())
+            .saturating_add(accessor.offset());
         if accessor.count() > 0 && needed > view.length() {
-            return short(format!("accessor {} needs {needed} bytes, its view has {}", accessor.index(), view.length()));
+            return short(format!(
+                "accessor {} needs {needed} bytes, its view has {}",
+                accessor.index(),
+                view.length()
+            ));
         }
     }
     Ok(())
@@ -148,10 +171,16 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn node(&mut self, node: &gltf::Node, parent: Mat4, depth: usize) -> Result<()> {
         if depth > 512 {
-            return Err(Error::file(self.path, "nodes are nested more than 512 deep", "the node tree probably has a loop"));
+            return Err(Error::file(
+                self.path,
+                "nodes are nested more than 512 deep",
+                "the node tree probably has a loop",
+            ));
         }
         let world = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
-        let name = |fallback: Option<&str>| node.name().or(fallback).map_or_else(|| format!("node_{}", node.index()), str::to_owned);
+        let name = |fallback: Option<&str>| {
+            node.name().or(fallback).map_or_else(|| format!("node_{}", node.index()), str::to_owned)
+        };
         if let Some(mesh) = node.mesh() {
             let object = self.builder.object(&name(mesh.name()));
             for primitive in mesh.primitives() {
@@ -165,16 +194,27 @@ impl Reader<'_> {
             && let gltf::camera::Projection::Perspective(lens) = camera.projection()
         {
             let columns = Mat3::from_cols(axis(Vec3::X, Vec3::X), axis(Vec3::Y, Vec3::Y), axis(Vec3::Z, Vec3::Z));
-            self.cameras.push(Camera { name: name(camera.name()), position, world_from_camera: columns, fov_y: lens.yfov() });
+            self.cameras.push(Camera {
+                name: name(camera.name()),
+                position,
+                world_from_camera: columns,
+                fov_y: lens.yfov(),
+            });
         }
         if let Some(light) = node.light() {
             let direction = axis(Vec3::NEG_Z, Vec3::NEG_Y);
             let kind = match light.kind() {
                 Kind::Point => LightKind::Point { position },
                 Kind::Directional => LightKind::Directional { direction },
-                Kind::Spot { inner_cone_angle: inner, outer_cone_angle: outer } => LightKind::Spot { position, direction, inner, outer },
+                Kind::Spot { inner_cone_angle: inner, outer_cone_angle: outer } => {
+                    LightKind::Spot { position, direction, inner, outer }
+                }
             };
-            self.lights.push(Light { name: name(light.name()), kind, intensity: Vec3::from(light.color()) * light.intensity() });
+            self.lights.push(Light {
+                name: name(light.name()),
+                kind,
+                intensity: Vec3::from(light.color()) * light.intensity(),
+            });
         }
         node.children().try_for_each(|child| self.node(&child, world, depth + 1))
     }
@@ -201,7 +241,13 @@ impl Reader<'_> {
         let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(uv_set).map(|uvs| uvs.into_f32().collect());
         // The file's default material has no index; ours stands behind the file's own.
         let material = material.index().unwrap_or(self.materials) as u32;
-        let mesh = Mesh { positions: &positions, normals: normals.as_deref(), uvs: uvs.as_deref(), indices: &indices, material };
+        let mesh = Mesh {
+            positions: &positions,
+            normals: normals.as_deref(),
+            uvs: uvs.as_deref(),
+            indices: &indices,
+            material,
+        };
         self.builder.add(object, &mesh, world).map_err(|what| {
             let found = format!("mesh of object \"{}\": {what}", self.builder.object_name(object));
             Error::file(self.path, found, "repair the mesh in the program it came from, and export it again")
@@ -220,10 +266,16 @@ fn material(from: &gltf::Material, images: &[gltf::image::Data]) -> Material {
     let strength = from.emissive_strength().unwrap_or(1.0);
     let texture = pbr.base_color_texture().and_then(|info| {
         let image = &images[info.texture().source().index()];
-        let (offset, rotation, scale) = info.texture_transform().map_or(([0.0; 2], 0.0, [1.0; 2]), |t| (t.offset(), t.rotation(), t.scale()));
+        let (offset, rotation, scale) =
+            info.texture_transform().map_or(([0.0; 2], 0.0, [1.0; 2]), |t| (t.offset(), t.rotation(), t.scale()));
         let (sin, cos) = f32::sin_cos(rotation);
         let uv_from_uv = [cos * scale[0], -sin * scale[0], sin * scale[1], cos * scale[1], offset[0], offset[1]];
-        Some(Texture { width: image.width as usize, height: image.height as usize, texels: texels(image)?.into(), uv_from_uv })
+        Some(Texture {
+            width: image.width as usize,
+            height: image.height as usize,
+            texels: texels(image)?.into(),
+            uv_from_uv,
+        })
     });
     Material {
         name: from.name().map_or_else(|| format!("material_{}", from.index().unwrap_or(0)), str::to_owned),

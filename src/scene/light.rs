@@ -7,14 +7,27 @@ use glam::Vec3;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum LightKind {
-    Point { position: Vec3 },
+    Point {
+        position: Vec3,
+    },
     /// Full strength inside `inner`, none outside `outer` (half angles, radians), KHR_lights_punctual between.
-    Spot { position: Vec3, direction: Vec3, inner: f32, outer: f32 },
+    Spot {
+        position: Vec3,
+        direction: Vec3,
+        inner: f32,
+        outer: f32,
+    },
     /// Light travels along `direction`.
-    Directional { direction: Vec3 },
+    Directional {
+        direction: Vec3,
+    },
     /// A rectangle with corner `corner` and edges `u`, `v`; emits from the side that `u x v` points to. It is not
     /// seen by cameras and casts no shadow.
-    Area { corner: Vec3, u: Vec3, v: Vec3 },
+    Area {
+        corner: Vec3,
+        u: Vec3,
+        v: Vec3,
+    },
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -95,7 +108,9 @@ impl Light {
                     ..base
                 }
             }
-            LightKind::Directional { direction } => LightRecord { kind: DIRECTIONAL, direction: direction.to_array(), ..base },
+            LightKind::Directional { direction } => {
+                LightRecord { kind: DIRECTIONAL, direction: direction.to_array(), ..base }
+            }
             LightKind::Area { corner, u, v } => {
                 emitters.push(emitter(corner, u, v, self.intensity, false));
                 emitters.push(emitter(corner + u + v, -u, -v, self.intensity, false));

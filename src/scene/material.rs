@@ -51,7 +51,15 @@ pub struct Material {
 impl Material {
     /// A Lambertian surface.
     pub fn matte(base_colour: [f32; 3]) -> Self {
-        Self { name: String::new(), base_colour, base_colour_texture: None, emission: [0.0; 3], roughness: 1.0, metallic: 0.0, specular: 0.0 }
+        Self {
+            name: String::new(),
+            base_colour,
+            base_colour_texture: None,
+            emission: [0.0; 3],
+            roughness: 1.0,
+            metallic: 0.0,
+            specular: 0.0,
+        }
     }
 
     /// Diffuse reflectance: a metal has none.

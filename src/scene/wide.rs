@@ -21,7 +21,14 @@ const COUNT_SHIFT: u32 = 26;
 impl WideNode {
     /// Boxes that nothing enters.
     pub const EMPTY: Self = Self {
-        bounds: [[f32::INFINITY; 8], [f32::INFINITY; 8], [f32::INFINITY; 8], [f32::NEG_INFINITY; 8], [f32::NEG_INFINITY; 8], [f32::NEG_INFINITY; 8]],
+        bounds: [
+            [f32::INFINITY; 8],
+            [f32::INFINITY; 8],
+            [f32::INFINITY; 8],
+            [f32::NEG_INFINITY; 8],
+            [f32::NEG_INFINITY; 8],
+            [f32::NEG_INFINITY; 8],
+        ],
         child: [0; 8],
     };
 
@@ -74,7 +81,8 @@ type BoxTest = fn(&WideNode, &Slabs, f32, &mut [f32; 8]) -> u32;
 fn test_boxes_plain(node: &WideNode, slabs: &Slabs, t_max: f32, entry: &mut [f32; 8]) -> u32 {
     let mut mask = 0;
     for i in 0..8 {
-        let plane = |axis: usize, side: &[usize; 3]| (node.bounds[side[axis]][i] - slabs.origin[axis]) * slabs.inverse[axis];
+        let plane =
+            |axis: usize, side: &[usize; 3]| (node.bounds[side[axis]][i] - slabs.origin[axis]) * slabs.inverse[axis];
         let near = plane(0, &slabs.near).max(plane(1, &slabs.near)).max(plane(2, &slabs.near)).max(0.0);
         let far = plane(0, &slabs.far).min(plane(1, &slabs.far)).min(plane(2, &slabs.far)).min(t_max);
         entry[i] = near;
@@ -94,8 +102,14 @@ fn test_boxes_avx2(node: &WideNode, slabs: &Slabs, t_max: f32, entry: &mut [f32;
             let bound = _mm256_loadu_ps(node.bounds[side[axis]].as_ptr());
             _mm256_mul_ps(_mm256_sub_ps(bound, _mm256_set1_ps(slabs.origin[axis])), _mm256_set1_ps(slabs.inverse[axis]))
         };
-        let near = _mm256_max_ps(_mm256_max_ps(plane(0, &slabs.near), plane(1, &slabs.near)), _mm256_max_ps(plane(2, &slabs.near), _mm256_setzero_ps()));
-        let far = _mm256_min_ps(_mm256_min_ps(plane(0, &slabs.far), plane(1, &slabs.far)), _mm256_min_ps(plane(2, &slabs.far), _mm256_set1_ps(t_max)));
+        let near = _mm256_max_ps(
+            _mm256_max_ps(plane(0, &slabs.near), plane(1, &slabs.near)),
+            _mm256_max_ps(plane(2, &slabs.near), _mm256_setzero_ps()),
+        );
+        let far = _mm256_min_ps(
+            _mm256_min_ps(plane(0, &slabs.far), plane(1, &slabs.far)),
+            _mm256_min_ps(plane(2, &slabs.far), _mm256_set1_ps(t_max)),
+        );
         _mm256_storeu_ps(entry.as_mut_ptr(), near);
         let inside = _mm256_cmp_ps::<_CMP_LE_OQ>(near, _mm256_mul_ps(far, _mm256_set1_ps(SLACK)));
         _mm256_movemask_ps(inside) as u32
@@ -122,7 +136,12 @@ fn intersect(facet: &Facet, ray: &Ray, t_max: f32) -> Option<(f32, f32, f32, boo
 const STACK: usize = 256;
 
 #[inline(always)]
-fn traverse<const ANY: bool>(bvh: &WideBvh, facets: &[Facet], ray: &Ray, boxes: impl Fn(&WideNode, &Slabs, f32, &mut [f32; 8]) -> u32) -> Hit {
+fn traverse<const ANY: bool>(
+    bvh: &WideBvh,
+    facets: &[Facet],
+    ray: &Ray,
+    boxes: impl Fn(&WideNode, &Slabs, f32, &mut [f32; 8]) -> u32,
+) -> Hit {
     let slabs = Slabs::new(ray);
     let mut best = Hit { t: ray.t_max, ..Hit::MISS };
     let mut stack = [(0u32, 0f32); STACK];

@@ -18,16 +18,26 @@ fn split(points: &[SurfacePoint], part: &mut [u32]) {
         return;
     }
     let spread = |get: &dyn Fn(&SurfacePoint) -> Vec3| {
-        let (low, high) = part.iter().map(|&i| get(&points[i as usize])).fold(
-            (Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY)),
-            |(low, high), v| (low.min(v), high.max(v)),
-        );
+        let (low, high) = part
+            .iter()
+            .map(|&i| get(&points[i as usize]))
+            .fold((Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY)), |(low, high), v| {
+                (low.min(v), high.max(v))
+            });
         high - low
     };
     let in_space = spread(&|point| point.position.into());
     // Opposite normals count as much as half the patch.
     let in_normal = spread(&|point| point.geometric_normal.into()) * (0.25 * in_space.length());
-    let axis = |v: Vec3| if v.x >= v.y && v.x >= v.z { 0 } else if v.y >= v.z { 1 } else { 2 };
+    let axis = |v: Vec3| {
+        if v.x >= v.y && v.x >= v.z {
+            0
+        } else if v.y >= v.z {
+            1
+        } else {
+            2
+        }
+    };
     let by_normal = in_normal.max_element() > in_space.max_element();
     let axis = axis(if by_normal { in_normal } else { in_space });
     let value = |&i: &u32| {

@@ -81,7 +81,10 @@ impl Gather {
 fn live_list<'a>(geometry: &'a Geometry, live: &'a Live) -> impl Iterator<Item = (usize, bool)> + 'a {
     geometry.bvh.facets.iter().flat_map(move |facet| {
         let triangle = facet.triangle as usize;
-        [(1, true), (2, false)].into_iter().filter(move |(bit, _)| live[triangle] & bit != 0).map(move |(_, front)| (triangle, front))
+        [(1, true), (2, false)]
+            .into_iter()
+            .filter(move |(bit, _)| live[triangle] & bit != 0)
+            .map(move |(_, front)| (triangle, front))
     })
 }
 
@@ -156,7 +159,9 @@ fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -
         tree.nearest_one::<SquaredEuclidean>(&feature(&at, normal_scale)).item as u32
     };
     let found = jobs.par_iter().flat_map_iter(|&(triangle, front, k)| {
-        centroids(k).map(move |(u, v)| (triangle, front, u, v)).map(|(triangle, front, u, v)| nearest(triangle, front, u, v))
+        centroids(k)
+            .map(move |(u, v)| (triangle, front, u, v))
+            .map(|(triangle, front, u, v)| nearest(triangle, front, u, v))
     });
     (sides, found.collect())
 }

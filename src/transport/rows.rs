@@ -124,7 +124,13 @@ impl Planner<'_, '_> {
             size /= 2;
             cells = broken
                 .iter()
-                .flat_map(|cell| [(0, 0), (size, 0), (0, size), (size, size)].map(|(dx, dy)| Cell { x: cell.x + dx, y: cell.y + dy, size }))
+                .flat_map(|cell| {
+                    [(0, 0), (size, 0), (0, size), (size, size)].map(|(dx, dy)| Cell {
+                        x: cell.x + dx,
+                        y: cell.y + dy,
+                        size,
+                    })
+                })
                 .filter(|cell| cell.x < self.grid.width && cell.y < self.grid.height)
                 .collect();
         }
@@ -148,7 +154,10 @@ impl Planner<'_, '_> {
         if corners.iter().any(|corner| !corner.exists()) {
             return false;
         }
-        let extent = corners.map(|c| Vec3::from(c.position) - Vec3::from(corners[0].position)).iter().fold(0.0f32, |a, d| a.max(d.length()));
+        let extent = corners
+            .map(|c| Vec3::from(c.position) - Vec3::from(corners[0].position))
+            .iter()
+            .fold(0.0f32, |a, d| a.max(d.length()));
         (cell.y..=y1).all(|y| (cell.x..=x1).all(|x| same_surface(corners[0], self.grid.point(x, y), extent)))
     }
 
@@ -177,7 +186,8 @@ impl Planner<'_, '_> {
     /// cut again.
     fn share(&mut self, loose: Vec<(usize, usize)>) -> crate::Result<()> {
         let mut todo: Vec<Vec<(usize, usize)>> = Vec::new();
-        let mut loose: Vec<(usize, usize)> = loose.into_iter().filter(|&(x, y)| self.grid.point(x, y).exists()).collect();
+        let mut loose: Vec<(usize, usize)> =
+            loose.into_iter().filter(|&(x, y)| self.grid.point(x, y).exists()).collect();
         let mut size = self.spacing.largest.min(4);
         loose.sort_unstable_by_key(|&(x, y)| (y / size, x / size, y, x));
         for block in loose.chunk_by(|a, b| (a.1 / size, a.0 / size) == (b.1 / size, b.0 / size)) {
@@ -191,7 +201,8 @@ impl Planner<'_, '_> {
                 let row = self.row[middle];
                 let centre = Vec3::from(self.grid.points[middle].position);
                 let limit = 0.5 * self.spacing.relative * self.reach[row as usize];
-                let fits = |&(x, y): &(usize, usize)| (Vec3::from(self.grid.point(x, y).position) - centre).length() <= limit;
+                let fits =
+                    |&(x, y): &(usize, usize)| (Vec3::from(self.grid.point(x, y).position) - centre).length() <= limit;
                 if size == 1 || group.iter().all(fits) {
                     for &(x, y) in group {
                         self.stencils[self.grid.index(x, y)] = Stencil::one(row);
@@ -259,5 +270,8 @@ const LEAST: f32 = 8.0;
 fn same_surface(a: &SurfacePoint, b: &SurfacePoint, extent: f32) -> bool {
     let between = Vec3::from(b.position) - Vec3::from(a.position);
     let off = between.dot(a.geometric_normal.into()).abs();
-    a.object == b.object && a.material == b.material && Vec3::from(a.normal).dot(b.normal.into()) > 0.9 && off <= 0.25 * extent + 1e-6
+    a.object == b.object
+        && a.material == b.material
+        && Vec3::from(a.normal).dot(b.normal.into()) > 0.9
+        && off <= 0.25 * extent + 1e-6
 }

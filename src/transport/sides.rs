@@ -100,7 +100,8 @@ fn views(geometry: &Geometry, part: &[u32], parts: usize, node: impl Fn(u32, boo
                     let at = sampling::triangle(sampling::lattice(repeat, repeats, sampling::shift(seed)));
                     let point = geometry.surface_point(triangle as usize, at.x, at.y, front);
                     for ray in 0..RAYS {
-                        let ray = unit_ray(&point, sampling::lattice(ray, RAYS, sampling::shift(!seed)), geometry.lift());
+                        let ray =
+                            unit_ray(&point, sampling::lattice(ray, RAYS, sampling::shift(!seed)), geometry.lift());
                         let hit = geometry.bvh.closest(&ray);
                         rays += 1;
                         if hit.triangle != SurfacePoint::NOWHERE.triangle {
