@@ -1,8 +1,9 @@
 //! `chiaro check`: whether recipes are well-formed, without computing anything or looking at the files they name.
 
 use super::{print, print_error};
+use crate::Result;
 use crate::graph::{self, Plan};
-use crate::{Result, nodes};
+use crate::params::NodeType;
 use std::path::PathBuf;
 
 /// Check recipes and report all their problems
@@ -14,10 +15,10 @@ pub struct Args {
 }
 
 impl Args {
-    pub fn run(self) -> Result<u8> {
+    pub fn run(self, registry: &'static [NodeType]) -> Result<u8> {
         let mut code = 0;
         for path in &self.graphs {
-            match graph::load(path).and_then(|document| Plan::new(&document, nodes::ALL)) {
+            match graph::load(path).and_then(|document| Plan::new(&document, registry)) {
                 Ok(plan) => print(&format!("{}: good, {} nodes\n", path.display(), plan.steps.len())),
                 Err(error) => {
                     print_error(&error);

@@ -4,14 +4,15 @@ mod check;
 mod devices;
 mod frames;
 mod messages;
-mod nodes;
+mod node_help;
 mod progress;
 mod render;
 mod schema;
 
 pub use messages::print_error;
 
-use crate::Result;
+use crate::params::NodeType;
+use crate::{Result, nodes};
 use clap::{Parser, Subcommand};
 
 /// A node-graph compositor for light and shadow.
@@ -29,7 +30,7 @@ pub struct Cli {
 enum Command {
     Render(render::Args),
     Check(check::Args),
-    Nodes(nodes::Args),
+    Nodes(node_help::Args),
     Schema(schema::Args),
     Devices(devices::Args),
 }
@@ -40,11 +41,19 @@ impl Cli {
     /// # Errors
     /// What stopped it; see `Error::exit_code`.
     pub fn run(self) -> Result<u8> {
+        self.run_with(nodes::ALL)
+    }
+
+    /// The same with other node types than those of the program.
+    ///
+    /// # Errors
+    /// As `run`.
+    pub fn run_with(self, registry: &'static [NodeType]) -> Result<u8> {
         match self.command {
-            Command::Render(args) => args.run(),
-            Command::Check(args) => args.run(),
-            Command::Nodes(args) => args.run(),
-            Command::Schema(args) => args.run(),
+            Command::Render(args) => args.run(registry),
+            Command::Check(args) => args.run(registry),
+            Command::Nodes(args) => args.run(registry),
+            Command::Schema(args) => args.run(registry),
             Command::Devices(args) => args.run(),
         }
     }

@@ -7,8 +7,9 @@ use crate::device::{Choice, Device};
 use crate::eval::report::{FailedFrame, Report, peak_memory};
 use crate::eval::{Context, Disk, Evaluator, Options};
 use crate::graph::{self, Plan};
+use crate::params::NodeType;
 use crate::progress::Progress;
-use crate::{Error, Result, nodes};
+use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -132,18 +133,14 @@ fn listen_for_signals() {
 }
 
 impl Args {
-    pub fn run(self) -> Result<u8> {
+    pub fn run(self, registry: &'static [NodeType]) -> Result<u8> {
         let start = Instant::now();
         let sink = progress::start(self.progress);
         let mut document = graph::load(&self.graph)?;
         self.sets.iter().try_for_each(|argument| document.set(argument))?;
-        let plan = Plan::new(&document, nodes::ALL)?;
+        let plan = Plan::new(&document, registry)?;
         let targets = plan.targets(&self.nodes)?;
         let frames = self.frames(&plan)?;
-        if let Some(threads) = self.threads {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
-            pool.build_global().map_err(|error| Error::compute(format!("no threads: {error}"), ""))?;
-        }
         let device = Device::open(self.device)?;
         let (disk, verify) = (self.cache.open()?, self.cache.verify_cache);
         let evaluator = Evaluator::new(Options { disk, verify, ..Options::new(device) });
@@ -155,11 +152,21 @@ impl Args {
             chiaro: env!("CARGO_PKG_VERSION"),
             recipe: self.graph.display().to_string(),
             device: evaluator.device().name(),
-            threads: rayon::current_num_threads(),
+            threads: self.threads.map_or_else(rayon::current_num_threads, usize::from),
             ..Report::default()
         };
         let context = Context { out: self.out.as_deref(), sink: &*sink, cancel: &CANCEL };
-        let result = self.render(&plan, &targets, &frames, &evaluator, &context, &mut report);
+        let mut render = || self.render(&plan, &targets, &frames, &evaluator, &context, &mut report);
+        let result = match self.threads {
+            None => render(),
+            Some(threads) => rayon::ThreadPoolBuilder::new()
+                .num_threads(threads.into())
+                .build()
+                .map_err(|error| {
+                    Error::compute(format!("{threads} threads cannot be started: {error}"), "ask for fewer")
+                })?
+                .install(render),
+        };
         report.seconds = start.elapsed().as_secs_f64();
         report.peak_memory_bytes = peak_memory();
         let written = self.report.as_deref().map_or(Ok(()), |path| report.write(path));

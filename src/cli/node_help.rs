@@ -4,7 +4,7 @@ use super::print;
 use crate::graph::names::suggest;
 use crate::node::Port;
 use crate::params::NodeType;
-use crate::{Error, Result, nodes};
+use crate::{Error, Result};
 use serde_json::{Value as Json, json};
 use std::fmt::Write;
 
@@ -22,11 +22,11 @@ pub struct Args {
 }
 
 impl Args {
-    pub fn run(self) -> Result<u8> {
+    pub fn run(self, registry: &'static [NodeType]) -> Result<u8> {
         let shown: Vec<&NodeType> = match &self.name {
-            None => nodes::ALL.iter().collect(),
-            Some(name) => vec![nodes::find(name).ok_or_else(|| {
-                let help = suggest(name, nodes::ALL.iter().map(|node| node.info.name));
+            None => registry.iter().collect(),
+            Some(name) => vec![registry.iter().find(|node| node.info.name == name).ok_or_else(|| {
+                let help = suggest(name, registry.iter().map(|node| node.info.name));
                 Error::usage(format!("there is no node type \"{name}\""), help)
             })?],
         };
