@@ -1,6 +1,6 @@
 //! What is computed, what is found, and what everything is called: on nodes whose results can be checked by hand.
 
-mod support;
+mod trial_nodes;
 
 use chiaro::device::Device;
 use chiaro::eval::files::FileHashes;
@@ -13,7 +13,7 @@ use chiaro::value::Value;
 use serde_json::{Value as Json, json};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use support::{NODES, values};
+use trial_nodes::{NODES, values};
 
 fn plan_in(folder: &Path, nodes: Json) -> Plan {
     let text = json!({ "chiaro": 1, "nodes": nodes }).to_string();

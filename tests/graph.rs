@@ -1,12 +1,12 @@
 //! Recipes that must be taken and recipes that must be refused, with all that is wrong said at the right place.
 
-mod support;
+mod trial_nodes;
 
 use chiaro::Error;
 use chiaro::graph::{self, Document, Param, Plan, Problem, schema::recipe_schema};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use support::NODES;
+use trial_nodes::NODES;
 
 fn corpus(folder: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(folder);

@@ -1,14 +1,18 @@
 //! `chiaro render` over frames, with node types of our own: what is written, what is not, and what the report says.
 
-mod support;
+mod trial_nodes;
 
 use chiaro::cli::Cli;
+use chiaro::eval::Disk;
+use chiaro::eval::disk::Found;
+use chiaro::node::Key;
+use chiaro::value::{Kind, Value};
 use clap::Parser;
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use support::NODES;
+use trial_nodes::NODES;
 
 struct Bench {
     folder: tempfile::TempDir,
@@ -152,21 +156,84 @@ fn a_folder_that_cannot_be_written_to_is_1_and_a_bad_cache_folder_too() {
     assert_eq!(cli.run_with(NODES).unwrap_err().exit_code(), 1);
 }
 
+/// Names the folder of a test that runs this test program once more, to be stopped or killed.
 const CHILD: &str = "CHIARO_TEST_CHILD_FOLDER";
 
-/// Not a test of its own: what `killed_at_any_moment` runs as a process, to be killed.
+fn child(test: &str, folder: &Path) -> Child {
+    Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", test, "--nocapture"])
+        .env(CHILD, folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// In the child: renders the recipe in its folder.
+fn render_in(folder: &Path, more: &[&str]) -> chiaro::Result<u8> {
+    let [recipe, cache] = ["recipe.json", "cache"].map(|name| folder.join(name));
+    let fixed = ["chiaro", "render", recipe.to_str().unwrap(), "--cache", cache.to_str().unwrap()];
+    Cli::try_parse_from(fixed.iter().chain(more)).unwrap().run_with(NODES)
+}
+
+fn wait_for(path: &Path) {
+    let start = Instant::now();
+    while !path.exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "{} never came", path.display());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// The process that `a_termination_signal_stops_cleanly` stops.
+#[test]
+fn child_that_renders_slowly() {
+    let Some(folder) = std::env::var_os(CHILD) else { return };
+    let error = render_in(Path::new(&folder), &["--progress", "json"]).unwrap_err();
+    assert!(matches!(error, chiaro::Error::Cancelled));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_termination_signal_stops_cleanly() {
+    if std::env::var_os(CHILD).is_some() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = json!({ "chiaro": 1, "frames": [1, 3], "nodes": {
+        "clock": { "type": "clock" },
+        "first": { "type": "dump", "params": { "file": "first.txt" }, "inputs": { "image": "clock" } },
+        "slow": { "type": "slow", "params": { "steps": 6000 }, "inputs": { "image": "clock" } },
+        "out": { "type": "dump", "params": { "file": "out.txt" }, "inputs": { "image": "slow" } },
+    }});
+    std::fs::write(folder.path().join("recipe.json"), recipe.to_string()).unwrap();
+    std::fs::write(folder.path().join("out.txt"), "before").unwrap();
+    let child = child("child_that_renders_slowly", folder.path());
+    wait_for(&folder.path().join("first.txt"));
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(Command::new("kill").arg(child.id().to_string()).status().unwrap().success());
+    let start = Instant::now();
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "the child's own check failed");
+    assert!(start.elapsed() < Duration::from_secs(20), "it did not wait for the end");
+    assert_eq!(std::fs::read_to_string(folder.path().join("out.txt")).unwrap(), "before");
+    let text = String::from_utf8(output.stderr).unwrap();
+    let lines = text.lines().filter_map(|line| serde_json::from_str::<Json>(line).ok());
+    let waiting: Vec<Json> = lines.filter(|line| line["stage"] == "waiting").collect();
+    let last = waiting.last().unwrap_or_else(|| panic!("no progress in {text}"));
+    assert_eq!((&last["node"], &last["total"]), (&json!("slow"), &json!(6000)));
+    assert!(last["done"].as_u64().unwrap() > 0 && last["seconds_left"].as_f64().unwrap() > 1.0, "{last}");
+}
+
+/// The process that `killed_at_any_moment_nothing_is_half_written` kills. Nearly all that it does is to write files.
 #[test]
 fn child_that_renders_for_ever() {
     let Some(folder) = std::env::var_os(CHILD) else { return };
-    let folder = Path::new(&folder);
-    let [recipe, cache] = ["recipe.json", "cache"].map(|name| folder.join(name));
     loop {
         // Each round has a cache entry of its own and replaces the same output.
-        let round = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().subsec_nanos();
-        let set = format!("base.label=\"{round}\"");
-        let fixed = ["chiaro", "render", recipe.to_str().unwrap(), "--cache", cache.to_str().unwrap(), "--set", &set];
-        let cli = Cli::try_parse_from(fixed.iter().chain(&["--progress", "none", "--cache-size", "20M"])).unwrap();
-        cli.run_with(NODES).unwrap();
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
+        let set = format!("large.label=\"{}\"", now.as_nanos());
+        let more = ["--set", &set, "--progress", "none", "--cache-size", "100M", "--node", "large", "--node", "out"];
+        render_in(Path::new(&folder), &more).unwrap();
     }
 }
 
@@ -176,48 +243,42 @@ fn killed_at_any_moment_nothing_is_half_written() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let width = 30_000;
     let recipe = json!({ "chiaro": 1, "nodes": {
-        "base": { "type": "flat", "params": { "width": width } },
-        "out": { "type": "dump", "params": { "file": "out.txt" }, "inputs": { "image": "base" } },
+        "large": { "type": "flat", "params": { "width": 5_000_000 } },
+        "small": { "type": "flat", "params": { "width": 1000 } },
+        "out": { "type": "dump", "params": { "file": "out.txt" }, "inputs": { "image": "small" } },
     }});
     std::fs::write(folder.path().join("recipe.json"), recipe.to_string()).unwrap();
     let [cache, out] = ["cache", "out.txt"].map(|name| folder.path().join(name));
-    let mut leftovers = 0;
-    for round in 0..15 {
-        let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "child_that_renders_for_ever", "--nocapture"])
-            .env(CHILD, folder.path())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let start = Instant::now();
-        while !out.exists() && start.elapsed() < Duration::from_secs(20) {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        std::thread::sleep(Duration::from_micros(1700 * round));
+    let (mut struck, mut round) = (0, 0);
+    // Long enough that some writers were struck while they wrote: otherwise nothing was tried.
+    while round < 15 || struck == 0 && round < 300 {
+        let mut child = child("child_that_renders_for_ever", folder.path());
+        wait_for(&out);
+        std::thread::sleep(Duration::from_millis(10 + 7 * round % 90));
         child.kill().unwrap();
         child.wait().unwrap();
+        round += 1;
         let text = std::fs::read_to_string(&out).unwrap();
-        assert_eq!(text.len(), width * 5, "the whole of it, or what was there before");
-        let entries: Vec<PathBuf> = std::fs::read_dir(&cache).unwrap().map(|entry| entry.unwrap().path()).collect();
-        for entry in &entries {
-            let name = entry.file_name().unwrap().to_str().unwrap();
+        assert_eq!(text.len(), 5 * 1000, "the whole of it, or what was there before");
+        let disk = Disk::open(&cache, 1 << 30).unwrap();
+        let files: Vec<PathBuf> = std::fs::read_dir(&cache).unwrap().map(|entry| entry.unwrap().path()).collect();
+        for file in &files {
+            let name = file.file_name().unwrap().to_str().unwrap();
             let Some(key) = name.strip_suffix(".value") else {
                 assert!(name.starts_with(chiaro::atomic::TEMPORARY), "{name}");
-                leftovers += 1;
+                struck += 1;
+                std::fs::remove_file(file).unwrap();
                 continue;
             };
-            let bytes = |at: usize| u8::from_str_radix(&key[2 * at..2 * at + 2], 16).unwrap();
-            let key = chiaro::node::Key(std::array::from_fn(bytes));
-            let disk = chiaro::eval::Disk::open(&cache, 1 << 30).unwrap();
-            let found = disk.get(key, |sections| {
+            let byte = |at: usize| u8::from_str_radix(&key[2 * at..2 * at + 2], 16).unwrap();
+            let found = disk.get(Key(std::array::from_fn(byte)), |sections| {
                 sections.value::<Json>()?;
-                chiaro::value::Value::read(chiaro::value::Kind::Image, sections)
+                Value::read(Kind::Image, sections)
             });
-            assert!(matches!(found, chiaro::eval::disk::Found::Value(_)), "a poisoned entry");
+            assert!(matches!(found, Found::Value(_)), "{name} is poisoned");
         }
-        assert!(entries.len() > leftovers, "something was cached");
+        assert!(!files.is_empty(), "nothing was cached");
     }
+    assert!(struck > 0, "no writer was struck in {round} rounds");
 }

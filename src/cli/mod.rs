@@ -2,6 +2,7 @@
 
 mod check;
 mod devices;
+pub mod diff;
 mod frames;
 mod messages;
 mod node_help;
@@ -30,6 +31,7 @@ pub struct Cli {
 enum Command {
     Render(render::Args),
     Check(check::Args),
+    Diff(diff::Args),
     Nodes(node_help::Args),
     Schema(schema::Args),
     Devices(devices::Args),
@@ -52,6 +54,7 @@ impl Cli {
         match self.command {
             Command::Render(args) => args.run(registry),
             Command::Check(args) => args.run(registry),
+            Command::Diff(args) => diff::run(&args).map(|equal| u8::from(!equal)),
             Command::Nodes(args) => args.run(registry),
             Command::Schema(args) => args.run(registry),
             Command::Devices(args) => args.run(),

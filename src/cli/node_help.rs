@@ -64,10 +64,19 @@ fn describe(node: &NodeType) -> Vec<Described> {
         range: range(&property),
         unit: property["unit"].as_str().unwrap_or_default().to_owned(),
         default: defaults[&name].clone(),
-        doc: property["description"].as_str().unwrap_or_default().replace('\n', " "),
+        doc: doc(&property, &schema),
         name,
     };
     properties.into_iter().map(describe).collect()
+}
+
+/// The field's own words, or those of its type.
+fn doc(property: &Json, root: &Json) -> String {
+    let of_type = || {
+        let pointer = property["$ref"].as_str()?.strip_prefix('#')?;
+        root.pointer(pointer)?["description"].as_str()
+    };
+    property["description"].as_str().or_else(of_type).unwrap_or_default().replace('\n', " ")
 }
 
 /// `number`, `a|b|c`, `[number; 3]`, ...

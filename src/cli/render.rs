@@ -127,8 +127,10 @@ fn listen_for_signals() {
             std::process::exit(130);
         }
     });
-    if let Err(error) = set {
-        tracing::warn!("Ctrl-C ends the program at once: {error}");
+    match set {
+        // A second render in the same process.
+        Ok(()) | Err(ctrlc::Error::MultipleHandlers) => {}
+        Err(error) => tracing::warn!("Ctrl-C ends the program at once: {error}"),
     }
 }
 

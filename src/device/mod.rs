@@ -1,8 +1,13 @@
 //! Where kernels run: natively on the CPU, or on a GPU through wgpu. The only folder that names wgpu.
+//!
+//! Kernels take a `&Device` and pick their body; nodes hand the device through and know nothing of it. Not for: what
+//! is computed (see `kernels`).
 
 pub mod array;
+pub mod kernel;
 
 pub use array::Array;
+pub use kernel::{Access, Binding, Kernel};
 
 use crate::{Error, Result};
 

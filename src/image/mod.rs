@@ -1,5 +1,13 @@
 //! Pictures: named layers of equal size, how they are read, written and compared.
 
+pub mod colour;
+pub mod compare;
+pub mod cryptomatte;
+pub mod exr_read;
+pub mod exr_write;
+pub mod load;
+pub mod names;
+pub mod png;
 mod stored;
 
 use crate::device::Array;
@@ -22,6 +30,33 @@ pub struct Layer {
     pub data: Array<f32>,
 }
 
+impl Layer {
+    pub fn new(name: &str, channels: &[&str], content: Content, data: Vec<f32>) -> Self {
+        let channels = channels.iter().map(|&channel| channel.to_owned()).collect();
+        Self { name: name.to_owned(), channels, content, data: data.into() }
+    }
+
+    /// The same layer with other numbers.
+    pub fn with_data(&self, data: Vec<f32>) -> Self {
+        Self { name: self.name.clone(), channels: self.channels.clone(), content: self.content, data: data.into() }
+    }
+
+    /// How the layer is called in messages: the beauty has no name of its own.
+    pub fn title(&self) -> &str {
+        names::title(&self.name)
+    }
+
+    /// Position of a channel within a pixel.
+    pub fn channel(&self, name: &str) -> Option<usize> {
+        self.channels.iter().position(|channel| channel == name)
+    }
+
+    /// Positions of red, green and blue, where the layer has all three.
+    pub fn rgb(&self) -> Option<[usize; 3]> {
+        Some([self.channel("R")?, self.channel("G")?, self.channel("B")?])
+    }
+}
+
 /// Scene-linear f32, Rec.709 primaries.
 #[derive(Clone, Debug, Default)]
 pub struct Image {
@@ -35,6 +70,12 @@ pub struct Image {
 impl Image {
     pub fn layer(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|layer| layer.name == name)
+    }
+
+    /// The layer of that name, with or without its leading `ViewLayer.`; the error names the layers there are.
+    pub fn find(&self, name: &str) -> Result<&Layer, names::NotFound> {
+        let names: Vec<&str> = self.layers.iter().map(|layer| layer.name.as_str()).collect();
+        Ok(&self.layers[names::find(&names, name)?])
     }
 
     pub fn bytes(&self) -> u64 {

@@ -1,5 +1,67 @@
-//! CPU bodies of the kernels, one per file in `shaders/`.
+//! The kernels: each file holds the declaration, the CPU body and the dispatch of the WGSL body of one kernel; its twin
+//! is the file of the same stem in `shaders/`. Same names, same order of operations, equal results within tolerance
+//! (arithmetic 1e-6 absolute / 1e-5 relative, transcendental 1e-5 / 1e-4); `tests/twins.rs` holds them to it.
+//!
+//! Light is `[f32; 4]`: linear RGB and one element that is carried along. Several vectors of one length travel as one
+//! slice, one vector after another. The CPU bodies are bit-identical for any number of threads.
 
+pub mod average_pyramid;
+pub mod colour_edits;
 pub mod direct_light;
+pub mod haar_encode;
+pub mod interpolate;
 pub mod primary_visibility;
+pub mod sparse_product;
+pub mod tone_map;
 pub mod transfer_rows;
+
+pub use average_pyramid::average_pyramid;
+pub use colour_edits::colour_edits;
+pub use haar_encode::{haar_decode, haar_encode};
+pub use interpolate::interpolate;
+pub use sparse_product::sparse_product;
+pub use tone_map::tone_map;
+
+use crate::device::Kernel;
+use crate::{Error, Result};
+
+/// Every kernel, in the order of the alphabet.
+pub const ALL: &[&Kernel] = &[
+    &average_pyramid::KERNEL,
+    &colour_edits::KERNEL,
+    &haar_encode::KERNEL,
+    &interpolate::KERNEL,
+    &sparse_product::KERNEL,
+    &tone_map::KERNEL,
+];
+
+/// The length of each of `count` vectors in a slice of `total` elements; `Error::Compute` when it does not divide.
+fn vector_length(kernel: &str, total: usize, count: usize) -> Result<usize> {
+    if count == 0 || !total.is_multiple_of(count) {
+        return Err(Error::compute(
+            format!("{kernel}: {total} elements are not {count} vectors of equal length"),
+            "this is a fault of the node that called the kernel; please report it",
+        ));
+    }
+    Ok(total / count)
+}
+
+/// `Error::Compute` unless `length` is a power of two.
+fn power_of_two(kernel: &str, length: usize) -> Result<()> {
+    if length.is_power_of_two() {
+        return Ok(());
+    }
+    Err(Error::compute(
+        format!("{kernel}: a vector of {length} elements; expected a power of two"),
+        "use a power of two of gather samples",
+    ))
+}
+
+/// Cuts K vectors, one after another in `data`, into blocks of `block` elements: each item holds the same range of all K.
+fn split_columns<const K: usize, T>(data: &mut [T], block: usize) -> Vec<[&mut [T]; K]> {
+    let length = data.len() / K;
+    let mut columns = data.chunks_exact_mut(length.max(1)).map(|column| column.chunks_mut(block)).collect::<Vec<_>>();
+    (0..length.div_ceil(block))
+        .map(|_| std::array::from_fn(|k| columns[k].next().expect("every column has as many blocks")))
+        .collect()
+}

@@ -1,0 +1,293 @@
+//! Per-sample colour edits of light that is kept apart by where it comes from (thesis Algorithm 4, made stackable).
+//!
+//! The light of a sample comes as atoms: A parts (one for each set of casters that edits tell apart) that add up to the
+//! whole. Edits apply in order, each to the sum of the atoms in its mask. With x that sum, M its colour matrix and L
+//! the Rec.709 luminance:
+//!
+//! ```text
+//! gain = curve(L(M x)) / L(M x)             (1 without a curve, and where L(M x) is not above 1e-20)
+//! atom = atom + (gain M atom - atom) w       (for each atom in the mask; w: receiver weight of the sample in [0, 1])
+//! ```
+//!
+//! so a curve acts on what the edits before it left, and light outside the mask keeps every bit, as does a sample of
+//! weight 0. The result is the sum of all atoms, in order. The fourth element of an atom is not light: the result's is
+//! 0. Inputs are finite.
+
+use super::vector_length;
+use crate::device::kernel::uniform;
+use crate::device::{Array, Binding, Device, Kernel};
+use crate::{Error, Result};
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+
+/// Samples that one task edits.
+const BLOCK: usize = 1024;
+/// Luminance up to which there is no light to scale.
+const DARK: f32 = 1e-20;
+/// Rec.709.
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+/// In `PackedEdit::receiver`: the edit applies everywhere.
+const EVERYWHERE: u32 = u32::MAX;
+
+/// A knot of a tone curve on luminance.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Knot {
+    /// Luminance in; knots are in rising order of x.
+    pub x: f32,
+    /// Luminance out.
+    pub y: f32,
+    /// dy/dx at the knot.
+    pub slope: f32,
+    pub pad: f32,
+}
+
+impl Knot {
+    pub fn new(x: f32, y: f32, slope: f32) -> Self {
+        Self { x, y, slope, pad: 0.0 }
+    }
+}
+
+/// One edit of the list.
+#[derive(Clone, Debug)]
+pub struct ColourEdit {
+    /// Bit a % 32 of word a / 32: the edit acts on atom a. Missing words are zero.
+    pub atoms: Vec<u32>,
+    /// Applied to linear Rec.709 column vectors.
+    pub matrix: Mat3,
+    /// Cubic Hermite pieces between knots, continued as straight lines beyond the ends, and never below 0. Empty: none.
+    pub curve: Vec<Knot>,
+    /// Weight of each sample, in [0, 1]; `None` is 1 everywhere.
+    pub receiver: Option<Array<f32>>,
+}
+
+impl ColourEdit {
+    /// The mask of the listed atoms.
+    pub fn mask(atoms: impl IntoIterator<Item = usize>) -> Vec<u32> {
+        let mut words = Vec::new();
+        for atom in atoms {
+            words.resize(words.len().max(atom / 32 + 1), 0);
+            words[atom / 32] |= 1 << (atom % 32);
+        }
+        words
+    }
+}
+
+uniform! {
+    struct Params {
+        samples: u32,
+        atoms: u32,
+        edits: u32,
+        mask_words: u32,
+    }
+}
+
+/// An edit as the shader sees it.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct PackedEdit {
+    /// Columns of the matrix, each with one element of padding.
+    matrix: [[f32; 4]; 3],
+    first_knot: u32,
+    knots: u32,
+    /// Row of `receivers`, or `EVERYWHERE`.
+    receiver: u32,
+    pad: u32,
+}
+
+pub const KERNEL: Kernel = Kernel {
+    name: "colour_edits",
+    shared: &[include_str!("../../shaders/shared/grid.wgsl")],
+    source: include_str!("../../shaders/colour_edits.wgsl"),
+    workgroup: [64, 1, 1],
+    uniform: Params::UNIFORM,
+    bindings: &[
+        Binding::read::<PackedEdit>("edits"),
+        Binding::read::<u32>("masks"),
+        Binding::read::<Knot>("knots"),
+        Binding::read::<f32>("receivers"),
+        Binding::write::<[f32; 4]>("atoms"),
+        Binding::write::<[f32; 4]>("totals"),
+    ],
+};
+
+/// Edits `count` atoms of light at N samples (`count` vectors of N elements) and adds them up: N elements.
+///
+/// `Error::Compute` when a receiver has not N weights, a curve's knots do not rise, or a mask names an atom that is not
+/// there.
+pub fn colour_edits(device: &Device, atoms: &[[f32; 4]], count: usize, edits: &[ColourEdit]) -> Result<Vec<[f32; 4]>> {
+    let samples = vector_length(KERNEL.name, atoms.len(), count)?;
+    for (number, edit) in edits.iter().enumerate() {
+        check(edit, samples, count).map_err(|what| {
+            Error::compute(format!("colour_edits: edit {}: {what}", number + 1), "correct the edit node")
+        })?;
+    }
+    match device {
+        Device::Cpu => Ok(cpu(atoms, samples, count, edits)),
+    }
+}
+
+fn check(edit: &ColourEdit, samples: usize, count: usize) -> std::result::Result<(), String> {
+    let beyond = (count..32 * edit.atoms.len()).find(|&atom| in_mask(&edit.atoms, atom));
+    if let Some(atom) = beyond {
+        return Err(format!("it names atom {atom} of {count}"));
+    }
+    if let Some(receiver) = edit.receiver.as_ref().filter(|receiver| receiver.len() != samples) {
+        return Err(format!("{} receiver weights for {samples} samples", receiver.len()));
+    }
+    if let Some(at) = edit.curve.windows(2).position(|pair| !(pair[0].x < pair[1].x)) {
+        return Err(format!(
+            "knot {} of its curve, at {}, is not right of the one before",
+            at + 2,
+            edit.curve[at + 1].x
+        ));
+    }
+    if edit.curve.iter().any(|knot| !(knot.x.is_finite() && knot.y.is_finite() && knot.slope.is_finite())) {
+        return Err("a knot of its curve is not finite".to_owned());
+    }
+    Ok(())
+}
+
+fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -> Vec<[f32; 4]> {
+    let mut totals = vec![[0.0; 4]; samples];
+    totals.par_chunks_mut(BLOCK).enumerate().for_each(|(block, totals)| {
+        let mut light = vec![Vec3::ZERO; count];
+        for (n, total) in (block * BLOCK..).zip(totals) {
+            for (a, light) in light.iter_mut().enumerate() {
+                let [r, g, b, _] = atoms[a * samples + n];
+                *light = Vec3::new(r, g, b);
+            }
+            for edit in edits {
+                apply(edit, n, &mut light);
+            }
+            let sum = light.iter().fold(Vec3::ZERO, |sum, &light| sum + light);
+            *total = sum.extend(0.0).to_array();
+        }
+    });
+    totals
+}
+
+fn apply(edit: &ColourEdit, n: usize, light: &mut [Vec3]) {
+    let weight = edit.receiver.as_ref().map_or(1.0, |receiver| receiver[n]);
+    if weight == 0.0 {
+        return;
+    }
+    let mut gain = 1.0;
+    if !edit.curve.is_empty() {
+        let mut sum = Vec3::ZERO;
+        for (a, light) in light.iter().enumerate() {
+            if in_mask(&edit.atoms, a) {
+                sum += *light;
+            }
+        }
+        let luminance = (edit.matrix * sum).dot(LUMINANCE);
+        if luminance > DARK {
+            gain = evaluate(&edit.curve, luminance) / luminance;
+        }
+    }
+    for (a, light) in light.iter_mut().enumerate() {
+        if in_mask(&edit.atoms, a) {
+            let edited = edit.matrix * *light * gain;
+            *light += (edited - *light) * weight;
+        }
+    }
+}
+
+fn in_mask(words: &[u32], atom: usize) -> bool {
+    words.get(atom / 32).is_some_and(|word| word >> (atom % 32) & 1 == 1)
+}
+
+/// The curve at `x`; at least one knot.
+fn evaluate(curve: &[Knot], x: f32) -> f32 {
+    let (first, last) = (curve[0], curve[curve.len() - 1]);
+    let y = if x <= first.x {
+        first.y + (x - first.x) * first.slope
+    } else if x >= last.x {
+        last.y + (x - last.x) * last.slope
+    } else {
+        let mut i = 0;
+        while curve[i + 1].x <= x {
+            i += 1;
+        }
+        hermite(curve[i], curve[i + 1], x)
+    };
+    y.max(0.0)
+}
+
+fn hermite(a: Knot, b: Knot, x: f32) -> f32 {
+    let width = b.x - a.x;
+    let t = (x - a.x) / width;
+    let u = 1.0 - t;
+    a.y * (1.0 + 2.0 * t) * u * u + a.slope * width * t * u * u + b.y * (3.0 - 2.0 * t) * t * t
+        - b.slope * width * u * t * t
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn edit(atoms: impl IntoIterator<Item = usize>, matrix: Mat3) -> ColourEdit {
+        ColourEdit { atoms: ColourEdit::mask(atoms), matrix, curve: Vec::new(), receiver: None }
+    }
+
+    fn double() -> Mat3 {
+        Mat3::from_diagonal(Vec3::splat(2.0))
+    }
+
+    #[test]
+    fn edits_stack_in_order_and_only_on_their_atoms() {
+        // Two samples, two atoms. The first is doubled, then both lose their green at the second sample by half.
+        let atoms = [[1.0, 2.0, 3.0, 9.0], [0.0, 4.0, 0.0, 9.0], [0.5, 0.5, 0.5, 9.0], [0.0, 2.0, 1.0, 9.0]];
+        let mut no_green = edit([0, 1], Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)));
+        no_green.receiver = Some(vec![0.0, 0.5].into());
+        let out = colour_edits(&Device::Cpu, &atoms, 2, &[edit([0], double()), no_green]).unwrap();
+        assert_eq!(out, [[2.5, 4.5, 6.5, 0.0], [0.0, 5.0, 1.0, 0.0]]);
+    }
+
+    #[test]
+    fn a_curve_is_a_gain_on_the_luminance_of_the_sum() {
+        let mut curved = edit([0, 40], double());
+        curved.curve = vec![Knot::new(1.0, 1.0, 0.0), Knot::new(3.0, 2.0, 0.5)];
+        let mut atoms = vec![[0.0; 4]; 41];
+        (atoms[0], atoms[7], atoms[40]) = ([1.0, 1.0, 1.0, 0.0], [5.0; 4], [0.5, 0.5, 0.5, 0.0]);
+        // Luminance 2 * 1.5 = 3 -> 2; then 2 * 3 = 6 -> 2 + 3 * 0.5 = 3.5; atom 7 is left alone.
+        let out = colour_edits(&Device::Cpu, &atoms, 41, &[curved.clone()]).unwrap();
+        assert!((out[0][0] - 7.0).abs() < 1e-5, "{out:?}");
+        let out = colour_edits(&Device::Cpu, &atoms, 41, &[edit([0, 40], double()), curved.clone()]).unwrap();
+        assert!((out[0][1] - 8.5).abs() < 1e-5, "{out:?}");
+        let dark = colour_edits(&Device::Cpu, &[[0.0; 4]; 41], 41, &[curved]).unwrap();
+        assert_eq!(dark, [[0.0; 4]], "no light, nothing to scale");
+    }
+
+    #[test]
+    fn curve_pieces() {
+        let curve = [Knot::new(0.0, 0.0, 1.0), Knot::new(1.0, 1.0, 1.0), Knot::new(2.0, 0.0, -1.0)];
+        for (x, y) in [(0.0, 0.0), (0.25, 0.25), (0.5, 0.5), (1.0, 1.0), (1.5, 0.75), (2.0, 0.0), (3.0, 0.0)] {
+            assert!((evaluate(&curve, x) - y).abs() < 1e-6, "{x}: {}", evaluate(&curve, x));
+        }
+        assert_eq!(evaluate(&curve[..1], 5.0), 5.0, "one knot is a straight line");
+    }
+
+    #[test]
+    fn outside_the_receiver_no_bit_changes() {
+        let atoms = [[0.1, f32::MIN_POSITIVE, 65504.0, 0.0], [0.3, 1e-30, -1.0, 0.0]];
+        let mut none = edit([0, 1], double());
+        none.receiver = Some(vec![0.0].into());
+        let out = colour_edits(&Device::Cpu, &atoms, 2, &[none]).unwrap();
+        assert_eq!(out, colour_edits(&Device::Cpu, &atoms, 2, &[]).unwrap());
+    }
+
+    #[test]
+    fn bad_edits_are_refused() {
+        let atoms = [[1.0; 4]; 4];
+        let mut short = edit([0], double());
+        short.receiver = Some(vec![1.0; 3].into());
+        let mut falling = edit([0], double());
+        falling.curve = vec![Knot::new(1.0, 0.0, 0.0), Knot::new(1.0, 1.0, 0.0)];
+        let mut infinite = edit([0], double());
+        infinite.curve = vec![Knot::new(0.0, f32::INFINITY, 0.0)];
+        for bad in [edit([2], double()), short, falling, infinite] {
+            assert!(colour_edits(&Device::Cpu, &atoms, 2, &[bad]).is_err());
+        }
+    }
+}
