@@ -7,8 +7,10 @@
 use crate::device::{Array, Device};
 use crate::kernels::{average_pyramid, haar_encode, interpolate, sparse_product};
 use crate::transport::gather::Gather;
+use crate::transport::samples::Samples;
 use crate::transport::sparse::SparseRows;
 use crate::{Error, Result};
+use std::sync::Arc;
 
 /// What the columns of rows stand for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -30,6 +32,8 @@ impl Basis {
 
 #[derive(Clone, Debug)]
 pub struct Transfer {
+    /// The view samples that rows are for.
+    pub samples: Arc<Samples>,
     pub gather: Gather,
     pub basis: Basis,
     /// Rows x basis functions.
@@ -45,7 +49,7 @@ pub struct Transfer {
 impl Transfer {
     pub fn bytes(&self) -> u64 {
         let between = self.between.as_ref().map_or(0, SparseRows::bytes);
-        self.gather.bytes() + self.rows.bytes() + between + 32 * self.indices.len() as u64
+        self.samples.bytes() + self.gather.bytes() + self.rows.bytes() + between + 32 * self.indices.len() as u64
     }
 
     /// Coefficients of `count` vectors of light over the gather samples, one after another.
