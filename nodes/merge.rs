@@ -34,6 +34,7 @@ pub enum Operation {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Merge {
+    /// How a and b are put together.
     pub operation: Operation,
     /// How much of the result replaces b: 0 is b, 1 is the result.
     #[schemars(range(min = 0.0, max = 1.0))]

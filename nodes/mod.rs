@@ -1,14 +1,30 @@
 //! The list of node types: one file and one entry each. Help, schema, README table and inspector come from it.
 
+pub mod camera;
+pub mod caster_receiver;
 pub mod compare;
 pub mod grade;
+pub mod light;
 pub mod merge;
+pub mod pick;
 pub mod read_image;
+pub mod relight;
+pub mod scene;
+pub mod transfer;
+pub mod view_samples;
 pub mod write_image;
 
 use crate::params::NodeType;
 
 pub const ALL: &[NodeType] = &[
+    NodeType::of::<scene::Scene>(),
+    NodeType::of::<light::Light>(),
+    NodeType::of::<camera::Camera>(),
+    NodeType::of::<view_samples::ViewSamples>(),
+    NodeType::of::<transfer::Transfer>(),
+    NodeType::of::<pick::Pick>(),
+    NodeType::of::<caster_receiver::CasterReceiver>(),
+    NodeType::of::<relight::Relight>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),

@@ -52,6 +52,9 @@ impl<N: Node + serde::Serialize> AnyNode for Erased<N> {
     }
 }
 
+/// A node, or what its parameters lack.
+pub type Parsed = std::result::Result<Box<dyn AnyNode>, String>;
+
 /// One entry of the list in `nodes/mod.rs`.
 #[derive(Clone, Copy)]
 pub struct NodeType {
@@ -61,7 +64,7 @@ pub struct NodeType {
     /// The default parameters.
     pub defaults: fn() -> Json,
     /// Reads plain parameters (curves already evaluated). The error is serde's, with its path in front.
-    pub parse: fn(Map<String, Json>) -> std::result::Result<Box<dyn AnyNode>, String>,
+    pub parse: fn(Map<String, Json>) -> Parsed,
 }
 
 impl NodeType {

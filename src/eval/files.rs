@@ -13,7 +13,15 @@ const BUILTIN: &str = "builtin:";
 
 #[derive(Default)]
 pub struct FileHashes {
-    known: Mutex<HashMap<PathBuf, (u64, Option<SystemTime>, Key)>>,
+    known: Mutex<HashMap<PathBuf, Known>>,
+}
+
+/// The hash of a file when it had that size and time.
+#[derive(Clone, Copy)]
+struct Known {
+    bytes: u64,
+    time: Option<SystemTime>,
+    key: Key,
 }
 
 impl FileHashes {
@@ -31,14 +39,14 @@ impl FileHashes {
         if about.is_dir() {
             return Err(Error::file(path, "this is a folder", "name a file"));
         }
-        let (length, time) = (about.len(), about.modified().ok());
+        let (bytes, time) = (about.len(), about.modified().ok());
         let known = self.known.lock().expect("no panic while hashing").get(path).copied();
-        if let Some((_, _, key)) = known.filter(|(known, at, _)| *known == length && *at == time) {
-            return Ok(key);
+        if let Some(known) = known.filter(|known| known.bytes == bytes && known.time == time) {
+            return Ok(known.key);
         }
         let content = std::fs::read(path).map_err(fail)?;
         let key = Key::of(&[&crate::stored::checksum(&content)]);
-        self.known.lock().expect("no panic while hashing").insert(path.to_owned(), (length, time, key));
+        self.known.lock().expect("no panic while hashing").insert(path.to_owned(), Known { bytes, time, key });
         Ok(key)
     }
 

@@ -180,7 +180,8 @@ fn kinds(kind: &TypeKind) -> String {
     match kind {
         TypeKind::Single(kind) => name(&kind.to_string()),
         TypeKind::Multiple(set) => {
-            let kinds: Vec<String> = set.iter().map(|kind| name(&kind.to_string())).collect();
+            let kinds = set.iter().map(|kind| kind.to_string()).filter(|kind| kind != "null");
+            let kinds: Vec<String> = kinds.map(|kind| name(&kind)).collect();
             kinds.join(" or ")
         }
     }

@@ -34,9 +34,11 @@ pub fn recipe_schema(registry: &[NodeType]) -> Json {
         .collect();
     defs.insert("curve".into(), curve_schema());
     defs.insert("wire".into(), json!({ "type": "string", "pattern": "^[A-Za-z0-9_]+(\\.[A-Za-z0-9_]+)?$" }));
+    // A choice of nothing is no schema.
+    let kind = if types.is_empty() { json!(false) } else { json!({ "oneOf": types }) };
     let mut node = json!({
         "type": "object",
-        "properties": { "type": { "oneOf": types }, "params": { "type": "object" }, "inputs": { "type": "object" } },
+        "properties": { "type": kind, "params": { "type": "object" }, "inputs": { "type": "object" } },
         "required": ["type"],
         "additionalProperties": false,
     });

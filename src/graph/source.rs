@@ -65,6 +65,9 @@ impl Source {
                     let range = property.name.range();
                     let inner = child(&pointer, name);
                     if self.ranges.contains_key(&inner) {
+                        // The first is forgotten, so that what both hold is not given twice as well.
+                        let inside = format!("{inner}/");
+                        self.ranges.retain(|pointer, _| !pointer.starts_with(&inside));
                         problems.push(Problem {
                             message: format!("\"{name}\" is given twice"),
                             help: "keep one of the two".to_owned(),

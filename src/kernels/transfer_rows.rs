@@ -10,7 +10,7 @@
 
 use crate::Result;
 use crate::device::{Array, Device};
-use crate::scene::bvh::Ray;
+use crate::scene::bvh::{Hit, Ray};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::gather::{DEAD, Gather, cell_index};
 use crate::transport::sampling;
@@ -108,7 +108,15 @@ fn cast(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, u
     if cells == DEAD {
         return (0, hit.t);
     }
-    let leaf = gather.cells[(cells + cell_index(hit.u, hit.v, side[2])) as usize];
+    let mut leaf = gather.cells[(cells + cell_index(hit.u, hit.v, side[2])) as usize];
+    if behind(point, &gather.points[leaf as usize]) {
+        // The cell straddles the row's own surface: look again half a sample further out.
+        let (u, v) = nudged(geometry, &hit, Vec3::from(point.geometric_normal) * gather.spacing());
+        let other = gather.cells[(cells + cell_index(u, v, side[2])) as usize];
+        if !behind(point, &gather.points[other as usize]) {
+            leaf = other;
+        }
+    }
     let area_vector = geometry.area_vector(hit.triangle as usize);
     let facing = (area_vector.dot(ray.direction).abs() / area_vector.length()).max(0.1);
     let cosine = ray.direction.dot(point.normal.into()).max(0.05);
@@ -119,4 +127,21 @@ fn cast(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, u
         node >>= 1;
     }
     (node, hit.t)
+}
+
+/// The row's point cannot see a sample below its own surface.
+fn behind(point: &SurfacePoint, sample: &SurfacePoint) -> bool {
+    (Vec3::from(sample.position) - Vec3::from(point.position)).dot(point.geometric_normal.into()) < 0.0
+}
+
+/// Barycentrics of a hit moved along its triangle, clamped to stay on it.
+fn nudged(geometry: &Geometry, hit: &Hit, by: Vec3) -> (f32, f32) {
+    let [a, b, c] = geometry.corners[hit.triangle as usize].map(Vec3::from);
+    let (edge_u, edge_v) = (b - a, c - a);
+    let (uu, uv, vv) = (edge_u.dot(edge_u), edge_u.dot(edge_v), edge_v.dot(edge_v));
+    let (du, dv) = (by.dot(edge_u), by.dot(edge_v));
+    let determinant = uu * vv - uv * uv;
+    let u = (hit.u + (du * vv - dv * uv) / determinant).clamp(0.0, 1.0);
+    let v = (hit.v + (dv * uu - du * uv) / determinant).clamp(0.0, 1.0 - u);
+    (u, v)
 }

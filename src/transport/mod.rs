@@ -1,18 +1,23 @@
 //! The mathematics of light transport: surface samples, gather samples, transfer rows, Haar, edits.
 
+pub mod atoms;
 pub mod cluster;
+pub mod compress;
 pub mod edits;
 pub mod gather;
+pub mod lighting;
+pub mod precompute;
 pub mod rows;
 pub mod samples;
 pub mod sampling;
 pub mod selection;
 pub mod sides;
 pub mod sparse;
+pub mod tone_curve;
 pub mod transfer;
 
-pub use edits::Edits;
+pub use edits::{Edit, Edits};
 pub use samples::Samples;
 pub use selection::Selection;
 pub use sparse::SparseRows;
-pub use transfer::Transfer;
+pub use transfer::{Basis, Transfer};

@@ -58,8 +58,8 @@ impl Stencil {
 }
 
 /// Computes rows at grid samples and says how far away their surroundings are: per index harmonic mean and least
-/// distance. The planner asks in batches, each sample once.
-pub type Measure<'a> = dyn FnMut(&[usize]) -> crate::Result<Vec<[f32; 2]>> + 'a;
+/// distance. The planner asks in batches, each sample once, and says how many samples have got their rows since.
+pub type Measure<'a> = dyn FnMut(&[usize], u64) -> crate::Result<Vec<[f32; 2]>> + 'a;
 
 pub struct Layout {
     /// Sample index of each row, in the order in which `Measure` was asked for them.
@@ -84,6 +84,8 @@ struct Planner<'a, 'm> {
     /// Per row: the distance that cell sizes are held against.
     reach: Vec<f32>,
     stencils: Vec<Stencil>,
+    /// Samples given a stencil since the last measurement.
+    resolved: u64,
 }
 
 /// Places rows over the whole grid.
@@ -97,6 +99,7 @@ pub fn place<'m>(grid: &Grid, spacing: Spacing, measure: &'m mut Measure<'m>) ->
         row_samples: Vec::new(),
         reach: Vec::new(),
         stencils: vec![Stencil::NOTHING; count],
+        resolved: 0,
     };
     let loose = planner.subdivide()?;
     planner.share(loose)?;
@@ -158,7 +161,13 @@ impl Planner<'_, '_> {
             .map(|c| Vec3::from(c.position) - Vec3::from(corners[0].position))
             .iter()
             .fold(0.0f32, |a, d| a.max(d.length()));
-        (cell.y..=y1).all(|y| (cell.x..=x1).all(|x| same_surface(corners[0], self.grid.point(x, y), extent)))
+        let straight = self.straight();
+        (cell.y..=y1).all(|y| (cell.x..=x1).all(|x| same_surface(corners[0], self.grid.point(x, y), extent, straight)))
+    }
+
+    /// Light on a bent surface varies with the normal as it does with place over distance.
+    fn straight(&self) -> f32 {
+        self.spacing.relative.min(1.0).cos()
     }
 
     fn is_small(&self, cell: &Cell) -> bool {
@@ -178,6 +187,7 @@ impl Planner<'_, '_> {
                 let fy = if y1 > cell.y { (y - cell.y) as f32 / (y1 - cell.y) as f32 } else { 0.0 };
                 let weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
                 self.stencils[self.grid.index(x, y)] = Stencil { rows, weights };
+                self.resolved += 1;
             }
         }
     }
@@ -206,6 +216,7 @@ impl Planner<'_, '_> {
                 if size == 1 || group.iter().all(fits) {
                     for &(x, y) in group {
                         self.stencils[self.grid.index(x, y)] = Stencil::one(row);
+                        self.resolved += 1;
                     }
                 } else {
                     wide.extend_from_slice(group);
@@ -228,7 +239,7 @@ impl Planner<'_, '_> {
             let fits = |group: &&mut Vec<(usize, usize)>| {
                 let first = self.grid.point(group[0].0, group[0].1);
                 let apart = (Vec3::from(first.position) - Vec3::from(point.position)).length();
-                same_surface(first, point, apart)
+                same_surface(first, point, apart, self.straight())
             };
             match groups.iter_mut().find(fits) {
                 Some(group) => group.push((x, y)),
@@ -253,7 +264,7 @@ impl Planner<'_, '_> {
         samples.sort_unstable();
         samples.dedup();
         samples.retain(|&sample| self.row[sample] == NONE);
-        let distances = (self.measure)(&samples)?;
+        let distances = (self.measure)(&samples, std::mem::take(&mut self.resolved))?;
         for (&sample, [harmonic, least]) in samples.iter().zip(distances) {
             self.row[sample] = self.row_samples.len() as u32;
             self.row_samples.push(sample);
@@ -264,14 +275,14 @@ impl Planner<'_, '_> {
 }
 
 /// A near edge matters before it lowers the harmonic mean.
-const LEAST: f32 = 8.0;
+const LEAST: f32 = 3.0;
 
-/// Same object, normals within about 25 degrees, and hardly off each other's plane for their distance.
-fn same_surface(a: &SurfacePoint, b: &SurfacePoint, extent: f32) -> bool {
+/// Same object and material, normals whose cosine is at least `straight`, and hardly off each other's plane for their distance.
+fn same_surface(a: &SurfacePoint, b: &SurfacePoint, extent: f32, straight: f32) -> bool {
     let between = Vec3::from(b.position) - Vec3::from(a.position);
     let off = between.dot(a.geometric_normal.into()).abs();
     a.object == b.object
         && a.material == b.material
-        && Vec3::from(a.normal).dot(b.normal.into()) > 0.9
+        && Vec3::from(a.normal).dot(b.normal.into()) >= straight
         && off <= 0.25 * extent + 1e-6
 }

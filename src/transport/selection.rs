@@ -1,10 +1,74 @@
-//! x
+//! Selections: weights in [0, 1] over surface points, as fields that any sample can be held against.
 
-#[derive(Clone, Debug, Default)]
-pub struct Selection {}
+use crate::scene::{Geometry, SurfacePoint};
+use crate::{Error, Result};
+use globset::{Glob, GlobSet, GlobSetBuilder};
+use rayon::prelude::*;
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum Selection {
+    /// Surfaces of chosen objects that are made of chosen materials, by number.
+    Names { objects: Vec<bool>, materials: Vec<bool> },
+}
 
 impl Selection {
-    pub fn bytes(&self) -> u64 {
-        0
+    /// Surfaces whose object matches one of `objects` and whose material matches one of `materials`; an empty list
+    /// matches all.
+    ///
+    /// Errors: a glob that is not well formed, or that matches nothing (the error lists what there is).
+    pub fn by_name(geometry: &Geometry, objects: &[String], materials: &[String]) -> Result<Self> {
+        Ok(Self::Names {
+            objects: chosen("object", objects, &geometry.objects)?,
+            materials: chosen("material", materials, &geometry.material_names)?,
+        })
     }
+
+    pub fn weight(&self, point: &SurfacePoint) -> f32 {
+        match self {
+            Self::Names { objects, materials } => {
+                let is = |list: &[bool], index: u32| list.get(index as usize).copied().unwrap_or(false);
+                f32::from(u8::from(is(objects, point.object) && is(materials, point.material)))
+            }
+        }
+    }
+
+    pub fn weights(&self, points: &[SurfacePoint]) -> Vec<f32> {
+        points.par_iter().with_min_len(4096).map(|point| self.weight(point)).collect()
+    }
+
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Self::Names { objects, materials } => (objects.len() + materials.len()) as u64,
+        }
+    }
+}
+
+fn chosen(what: &str, globs: &[String], names: &[String]) -> Result<Vec<bool>> {
+    if globs.is_empty() {
+        return Ok(vec![true; names.len()]);
+    }
+    for glob in globs {
+        let set = set(what, std::slice::from_ref(glob))?;
+        if !names.iter().any(|name| set.is_match(name)) {
+            let known = names.iter().map(String::as_str);
+            let help = crate::graph::names::suggest(glob, known);
+            return Err(Error::compute(format!("no {what} of the scene is called \"{glob}\""), help));
+        }
+    }
+    let set = set(what, globs)?;
+    Ok(names.iter().map(|name| set.is_match(name)).collect())
+}
+
+fn set(what: &str, globs: &[String]) -> Result<GlobSet> {
+    let mut builder = GlobSetBuilder::new();
+    for glob in globs {
+        let glob = Glob::new(glob).map_err(|e| {
+            Error::compute(
+                format!("{what} pattern \"{glob}\": {}", e.kind()),
+                "use * and ? as wildcards, [..] for sets",
+            )
+        })?;
+        builder.add(glob);
+    }
+    builder.build().map_err(|e| Error::compute(format!("{what} patterns: {e}"), "use fewer or shorter patterns"))
 }

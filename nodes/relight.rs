@@ -1,0 +1,190 @@
+//! Lights a view through its transfer, with edits: the interactive preview (thesis 4.5, Algorithms 3 and 4).
+//!
+//! Light is kept by source: when one lamp moves, only its own light is computed again. What an edit changes is only its
+//! own pixels' colour, unless it names a new caster.
+
+use crate::device::Array;
+use crate::kernels::direct_light::{Lit, View, direct_light};
+use crate::node::{Facet, Info, Inputs, Job, Key, Node, Port};
+use crate::scene::light::{Source, surfaces};
+use crate::scene::{Geometry, Light, Material, SurfacePoint};
+use crate::transport::lighting::{Prepared, Shading, exitance};
+use crate::transport::samples::reflectance;
+use crate::transport::{Edits, Transfer};
+use crate::value::{Kind, Value};
+use crate::{Error, Result};
+use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Relight {
+    /// Shadow rays a point towards surfaces and rectangles that emit.
+    #[schemars(range(min = 1, max = 4096))]
+    pub light_samples: u32,
+}
+
+impl Default for Relight {
+    fn default() -> Self {
+        Self { light_samples: 16 }
+    }
+}
+
+impl Node for Relight {
+    const INFO: Info = Info {
+        name: "relight",
+        category: "indirect light",
+        summary: "Direct and indirect light of a view, with edits",
+        inputs: &[
+            Port::new("scene", Kind::Scene, "Lights and materials, and what casts shadows").reads(&[
+                Facet::Geometry,
+                Facet::Materials,
+                Facet::Lights,
+            ]),
+            Port::new("transfer", Kind::Transfer, "How light gets from surfaces to the view"),
+            Port::new("edits", Kind::Edits, "What to change").optional(),
+        ],
+        outputs: &[Port::new("image", Kind::Image, "beauty, and layers direct, indirect, albedo, P, N, Z")],
+        ..Info::NEW
+    };
+
+    fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
+        let (geometry, materials) = (inputs.geometry("scene")?, inputs.materials("scene")?);
+        let transfer = inputs.need_transfer("transfer")?;
+        check(&geometry, &materials, transfer)?;
+        let key = |facet| inputs.key("scene", facet).expect("the scene is connected");
+        let transfer_key = inputs.key("transfer", Facet::Geometry).expect("the transfer is connected");
+        let stage = Stage {
+            job,
+            geometry: &geometry,
+            materials: &materials,
+            transfer,
+            place: Key::of(&[b"relight", &key(Facet::Geometry).0, &transfer_key.0]),
+            stuff: key(Facet::Materials),
+            light_samples: self.light_samples,
+        };
+        let none = Arc::new(Edits::default());
+        let edits = inputs.edits("edits").unwrap_or(&none);
+        Ok(vec![Value::Image(Arc::new(stage.image(&inputs.lights("scene")?, edits)?))])
+    }
+}
+
+fn check(geometry: &Geometry, materials: &[Material], transfer: &Transfer) -> Result<()> {
+    let (there, here) = (transfer.gather.sides.len(), geometry.corners.len());
+    let strange = transfer.gather.points.iter().any(|point| point.material as usize >= materials.len());
+    if there != here || strange {
+        let message = format!("the transfer was made for a scene of {there} triangles, this one has {here}");
+        return Err(Error::compute(message, "connect the same scene to transfer and relight"));
+    }
+    Ok(())
+}
+
+struct Stage<'a> {
+    job: &'a Job<'a>,
+    geometry: &'a Geometry,
+    materials: &'a [Material],
+    transfer: &'a Transfer,
+    /// Key of where things are: geometry, view and gather samples.
+    place: Key,
+    /// Key of what things are made of.
+    stuff: Key,
+    light_samples: u32,
+}
+
+const VEC4: u64 = 16;
+
+impl Stage<'_> {
+    fn image(&self, lights: &[Light], edits: &Edits) -> Result<crate::image::Image> {
+        let samples = &self.transfer.samples;
+        let gather = &self.transfer.gather;
+        let device = self.job.device;
+        let sources: Vec<Source> =
+            lights.iter().map(Light::source).chain(surfaces(self.geometry, self.materials)).collect();
+        let view_reflectance = self.reflectance(b"view", &samples.points, &samples.barycentrics)?;
+        let gather_reflectance = self.reflectance(b"gather", &gather.points, &gather.barycentrics)?;
+
+        let gloss: Array<[f32; 4]> = self.materials.iter().map(Material::gloss).collect::<Vec<_>>().into();
+        let glossy = gloss.iter().any(|g| g[..3].iter().any(|&f0| f0 > 0.0));
+        let view = View { eye: samples.camera.position, gloss: &gloss };
+        let progress = self.job.progress.stage("lights", sources.len() as u64);
+        let (mut at_view, mut at_gather, mut light_keys) = (Vec::new(), Vec::new(), Vec::new());
+        for source in &sources {
+            at_view.push(self.lit(b"view", &samples.points, source, glossy.then_some(&view))?);
+            at_gather.push(self.lit(b"gather", &gather.points, source, None)?);
+            light_keys.push(self.light_key(source).0);
+            progress.advance(1)?;
+        }
+        drop(progress);
+        let direct = sum(samples.points.len(), at_view.iter().map(|lit| &lit.irradiance));
+        let highlight =
+            if glossy { sum(samples.points.len(), at_view.iter().map(|lit| &lit.highlight)) } else { vec![] };
+
+        let prepared = Prepared::new(edits, self.transfer)?;
+        let shares: Vec<&[u8]> = prepared.atoms.shares.iter().map(|shares| bytemuck::cast_slice(shares)).collect();
+        let key = Key::of(&[&self.place.0, &self.stuff.0, &Key::of(&shares).0, bytemuck::cast_slice(&light_keys)]);
+        let arriving = self.job.memo(
+            key,
+            |e: &Vec<[f32; 4]>| VEC4 * e.len() as u64,
+            || {
+                let received = sum(gather.count(), at_gather.iter().map(|lit| &lit.irradiance));
+                let leaving = exitance(device, self.transfer, &received, &gather_reflectance)?;
+                prepared.irradiance(device, self.transfer, &leaving)
+            },
+        )?;
+        let indirect = prepared.edited(device, samples, &arriving)?;
+        self.job.note("lights", sources.len());
+        self.job.note("edits", edits.0.len());
+        self.job.note("atoms", prepared.atoms.shares.len());
+
+        let emission = |i: usize| match samples.points[i] {
+            point if point.exists() => Vec3::from(self.materials[point.material as usize].emission),
+            _ => Vec3::ZERO,
+        };
+        let shading = Shading {
+            samples,
+            reflectance: &view_reflectance,
+            direct: &direct,
+            indirect: &indirect,
+            highlight: &highlight,
+            emission: &emission,
+        };
+        let (width, height) = (samples.width, samples.height);
+        Ok(crate::image::Image { width, height, layers: shading.layers(), metadata: vec![] })
+    }
+
+    fn reflectance(&self, what: &[u8], points: &[SurfacePoint], at: &[[f32; 2]]) -> Result<Arc<Vec<[f32; 4]>>> {
+        let key = Key::of(&[b"reflectance", what, &self.place.0, &self.stuff.0]);
+        self.job.memo(
+            key,
+            |r: &Vec<_>| VEC4 * r.len() as u64,
+            || Ok(reflectance(self.geometry, self.materials, points, at)),
+        )
+    }
+
+    fn light_key(&self, source: &Source) -> Key {
+        let record = bytemuck::bytes_of(&source.record);
+        Key::of(&[record, bytemuck::cast_slice(&source.emitters), &self.light_samples.to_le_bytes()])
+    }
+
+    /// Light of one source at view or gather samples.
+    fn lit(&self, what: &[u8], points: &Array<SurfacePoint>, source: &Source, view: Option<&View>) -> Result<Arc<Lit>> {
+        let gloss: &[u8] = if view.is_some() { &self.stuff.0 } else { b"" };
+        let key = Key::of(&[b"light", what, &self.place.0, &self.light_key(source).0, gloss]);
+        let bytes = |lit: &Lit| VEC4 * (lit.irradiance.len() + lit.highlight.len()) as u64;
+        self.job.memo(key, bytes, || {
+            let emitters = source.emitters.clone().into();
+            direct_light(self.job.device, self.geometry, points, &source.record, &emitters, self.light_samples, view)
+        })
+    }
+}
+
+/// Adds vectors of light up, in order.
+fn sum<'a>(count: usize, vectors: impl Iterator<Item = &'a Vec<[f32; 4]>>) -> Vec<[f32; 4]> {
+    let mut total = vec![[0.0; 4]; count];
+    for vector in vectors {
+        total.iter_mut().zip(vector).for_each(|(sum, more)| (0..4).for_each(|c| sum[c] += more[c]));
+    }
+    total
+}

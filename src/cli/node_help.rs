@@ -1,0 +1,232 @@
+//! `chiaro nodes`: what there is to build recipes from, out of each node type's own description.
+
+use super::print;
+use crate::graph::names::suggest;
+use crate::node::Port;
+use crate::params::NodeType;
+use crate::{Error, Result};
+use serde_json::{Value as Json, json};
+use std::fmt::Write;
+
+/// List node types, or explain one
+#[derive(clap::Args)]
+pub struct Args {
+    /// A node type
+    name: Option<String>,
+    /// As JSON, with the schema of the parameters
+    #[arg(long, conflicts_with = "markdown")]
+    json: bool,
+    /// As a table for a README
+    #[arg(long)]
+    markdown: bool,
+}
+
+impl Args {
+    pub fn run(self, registry: &'static [NodeType]) -> Result<u8> {
+        let shown: Vec<&NodeType> = match &self.name {
+            None => registry.iter().collect(),
+            Some(name) => vec![registry.iter().find(|node| node.info.name == name).ok_or_else(|| {
+                let help = suggest(name, registry.iter().map(|node| node.info.name));
+                Error::usage(format!("there is no node type \"{name}\""), help)
+            })?],
+        };
+        let text = match (self.json, self.markdown, &self.name) {
+            (true, ..) => {
+                let all: Vec<Json> = shown.iter().map(|node| to_json(node)).collect();
+                let json = if self.name.is_some() { all[0].clone() } else { all.into() };
+                serde_json::to_string_pretty(&json).expect("plain data") + "\n"
+            }
+            (_, true, _) => table(&shown),
+            (_, _, Some(_)) => explain(shown[0]),
+            (_, _, None) => list(&shown),
+        };
+        print(&text);
+        Ok(0)
+    }
+}
+
+/// A parameter as people read it.
+struct Described {
+    name: String,
+    kind: String,
+    range: String,
+    unit: String,
+    default: Json,
+    doc: String,
+}
+
+fn describe(node: &NodeType) -> Vec<Described> {
+    let schema = (node.schema)().to_value();
+    let defaults = (node.defaults)();
+    let properties = schema["properties"].as_object().cloned().unwrap_or_default();
+    let describe = |(name, property): (String, Json)| Described {
+        kind: kind(&property, &schema, 8),
+        range: range(&property),
+        unit: property["unit"].as_str().unwrap_or_default().to_owned(),
+        default: defaults[&name].clone(),
+        doc: doc(&property, &schema),
+        name,
+    };
+    properties.into_iter().map(describe).collect()
+}
+
+/// The field's own words, or those of its type.
+fn doc(property: &Json, root: &Json) -> String {
+    let of_type = || {
+        let pointer = property["$ref"].as_str()?.strip_prefix('#')?;
+        root.pointer(pointer)?["description"].as_str()
+    };
+    property["description"].as_str().or_else(of_type).unwrap_or_default().replace('\n', " ")
+}
+
+/// `number`, `a|b|c`, `[number; 3]`, ...
+fn kind(schema: &Json, root: &Json, depth: usize) -> String {
+    if depth == 0 {
+        return "...".to_owned();
+    }
+    let inner = |schema: &Json| kind(schema, root, depth - 1);
+    let text = |value: &Json| value.as_str().unwrap_or_default().to_owned();
+    if let Some(pointer) = schema["$ref"].as_str().and_then(|reference| reference.strip_prefix('#')) {
+        return root.pointer(pointer).map_or_else(String::new, inner);
+    }
+    if let Some(options) = schema["enum"].as_array() {
+        return options.iter().map(text).collect::<Vec<_>>().join("|");
+    }
+    if let Some(constant) = schema.get("const") {
+        return text(constant);
+    }
+    if let Some(options) = schema["anyOf"].as_array().or(schema["oneOf"].as_array()) {
+        return options.iter().map(inner).filter(|name| name != "null").collect::<Vec<_>>().join("|");
+    }
+    let one = |name: &str| match name {
+        "string" => "text".to_owned(),
+        "array" => {
+            let item = match schema["prefixItems"].as_array() {
+                Some(items) => return format!("[{}]", items.iter().map(inner).collect::<Vec<_>>().join(", ")),
+                None => inner(&schema["items"]),
+            };
+            match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
+                (Some(least), Some(most)) if least == most => format!("[{item}; {most}]"),
+                _ => format!("[{item}]"),
+            }
+        }
+        "object" => match schema["properties"].as_object() {
+            Some(fields) => {
+                let fields: Vec<String> =
+                    fields.iter().map(|(name, field)| format!("{name}: {}", inner(field))).collect();
+                format!("{{{}}}", fields.join(", "))
+            }
+            None => format!("{{name: {}}}", inner(&schema["additionalProperties"])),
+        },
+        other => other.to_owned(),
+    };
+    match &schema["type"] {
+        Json::String(name) => one(name),
+        Json::Array(names) => {
+            let names = names.iter().filter_map(Json::as_str).filter(|name| *name != "null");
+            names.map(one).collect::<Vec<_>>().join("|")
+        }
+        _ => "any".to_owned(),
+    }
+}
+
+fn range(schema: &Json) -> String {
+    let bound = |inclusive: &str, exclusive: &str, signs: [&str; 2]| {
+        let limit = |name: &str, sign: &str| schema[name].as_f64().map(|limit| format!("{sign} {limit}"));
+        limit(exclusive, signs[1]).or_else(|| limit(inclusive, signs[0]))
+    };
+    let bounds = [bound("minimum", "exclusiveMinimum", [">=", ">"]), bound("maximum", "exclusiveMaximum", ["<=", "<"])];
+    bounds.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+fn to_json(node: &NodeType) -> Json {
+    let info = node.info;
+    let ports = |ports: &[Port]| -> Vec<Json> {
+        ports
+            .iter()
+            .map(|port| json!({ "name": port.name, "type": port.kind, "optional": port.optional, "doc": port.doc }))
+            .collect()
+    };
+    json!({
+        "name": info.name,
+        "category": info.category,
+        "version": info.version,
+        "summary": info.summary,
+        "inputs": ports(info.inputs),
+        "outputs": ports(info.outputs),
+        "stored": info.stored,
+        "params": (node.schema)().to_value(),
+        "defaults": (node.defaults)(),
+    })
+}
+
+/// In the order of the list, under the heading of each category.
+fn by_category<'a>(shown: &[&'a NodeType]) -> Vec<(&'static str, Vec<&'a NodeType>)> {
+    let mut categories: Vec<(&'static str, Vec<&NodeType>)> = Vec::new();
+    for node in shown {
+        match categories.iter_mut().find(|(category, _)| *category == node.info.category) {
+            Some((_, members)) => members.push(node),
+            None => categories.push((node.info.category, vec![node])),
+        }
+    }
+    categories
+}
+
+fn list(shown: &[&NodeType]) -> String {
+    let width = shown.iter().map(|node| node.info.name.len()).max().unwrap_or(0);
+    let mut text = String::new();
+    for (category, members) in by_category(shown) {
+        text += &format!("{category}\n");
+        for node in members {
+            text += &format!("  {:width$}  {}\n", node.info.name, node.info.summary);
+        }
+    }
+    text
+}
+
+fn explain(node: &NodeType) -> String {
+    let info = node.info;
+    let mut text = format!("{}: {}\n", info.name, info.summary);
+    let mut ports = |heading: &str, ports: &[Port]| {
+        if !ports.is_empty() {
+            text += &format!("\n{heading}\n");
+        }
+        for port in ports {
+            let optional = if port.optional { ", optional" } else { "" };
+            text += &format!("  {} ({}{optional})\n      {}\n", port.name, port.kind.name(), port.doc);
+        }
+    };
+    ports("Inputs", info.inputs);
+    ports("Outputs", info.outputs);
+    let params = describe(node);
+    if !params.is_empty() {
+        text += "\nParameters\n";
+    }
+    for param in params {
+        let mut about = vec![param.kind];
+        about.extend([param.range, param.unit].into_iter().filter(|part| !part.is_empty()));
+        let about = about.join(", ");
+        writeln!(text, "  {} ({about}) = {}\n      {}", param.name, param.default, param.doc).expect("to a string");
+    }
+    text
+}
+
+fn table(shown: &[&NodeType]) -> String {
+    let mut text = "| node | inputs | outputs | parameters | what it does |\n|---|---|---|---|---|\n".to_owned();
+    for (_, members) in by_category(shown) {
+        for node in members {
+            let ports = |ports: &[Port]| {
+                let port = |port: &Port| {
+                    let name = if port.optional { format!("*{}*", port.name) } else { port.name.to_owned() };
+                    if port.name == port.kind.name() { name } else { format!("{name} ({})", port.kind.name()) }
+                };
+                ports.iter().map(port).collect::<Vec<_>>().join(", ")
+            };
+            let info = node.info;
+            let params: Vec<String> = describe(node).into_iter().map(|param| format!("`{}`", param.name)).collect();
+            let (inputs, outputs, params) = (ports(info.inputs), ports(info.outputs), params.join(", "));
+            text += &format!("| `{}` | {inputs} | {outputs} | {params} | {} |\n", info.name, info.summary);
+        }
+    }
+    text
+}

@@ -1,0 +1,165 @@
+//! From what one point sees of the gather samples to one sparse row, in either basis.
+
+use crate::transport::transfer::Basis;
+
+/// Turns node numbers (one a ray, 0 for none) into sorted (node, weight) pairs; each ray weighs 1 / rays.
+pub fn count_nodes(nodes: &mut [u32], row: &mut Vec<(u32, f32)>) {
+    row.clear();
+    let weight = 1.0 / nodes.len() as f32;
+    nodes.sort_unstable();
+    for run in nodes.chunk_by(|a, b| a == b) {
+        if run[0] != 0 {
+            row.push((run[0], run.len() as f32 * weight));
+        }
+    }
+}
+
+/// Merges sibling leaves and nodes of nearly equal weight, bottom up, as long as what is moved stays below `slack` of
+/// the row's total. `leaves` are the weights of all M gather samples.
+pub fn merge_siblings(leaves: &[f32], slack: f32, row: &mut Vec<(u32, f32)>) {
+    row.clear();
+    let count = leaves.len();
+    let total: f32 = leaves.iter().sum();
+    // Shared out evenly over the nodes that a row may have.
+    let limit = slack * total / 256.0;
+    let mut level: Vec<Option<f32>> = leaves.iter().map(|&w| Some(w)).collect();
+    let mut first = count;
+    while level.len() > 1 {
+        let above = level.chunks_exact(2).enumerate().map(|(i, pair)| {
+            let put = |row: &mut Vec<(u32, f32)>, side: usize, weight: f32| {
+                if weight > 0.0 {
+                    row.push(((first + 2 * i + side) as u32, weight));
+                }
+            };
+            match (pair[0], pair[1]) {
+                (Some(a), Some(b)) if (a - b).abs() <= limit => return Some(a + b),
+                (a, b) => {
+                    a.into_iter().for_each(|a| put(row, 0, a));
+                    b.into_iter().for_each(|b| put(row, 1, b));
+                }
+            }
+            None
+        });
+        level = above.collect();
+        first /= 2;
+    }
+    if let Some(Some(weight)) = level.first().copied().filter(|w| w.is_some_and(|w| w > 0.0)) {
+        row.push((1, weight));
+    }
+    row.sort_unstable_by_key(|entry| entry.0);
+}
+
+/// Scratch for `haar_row`: the dense coefficients of one row, and which are set.
+pub struct HaarScratch {
+    dense: Vec<f32>,
+    touched: Vec<u32>,
+}
+
+impl HaarScratch {
+    /// For `count` gather samples.
+    pub fn new(count: usize) -> Self {
+        Self { dense: vec![0.0; count], touched: Vec::new() }
+    }
+
+    /// The `coefficients` largest Haar coefficients of a row of (node, weight) pairs, in order of their number.
+    ///
+    /// A weight spread evenly over a node's leaves reaches only the wavelets of the node's ancestors, with the sign of
+    /// the half it lies in: `+-w / sqrt(leaves of the ancestor)`; the mean gets `w / sqrt(M)`. Wavelet `i` belongs to
+    /// tree node `i`, and 0 is the mean: the order of figure 4.5.
+    pub fn haar_row(&mut self, row: &mut Vec<(u32, f32)>, coefficients: usize) {
+        let count = self.dense.len();
+        let mut add = |index: u32, value: f32| {
+            let cell = &mut self.dense[index as usize];
+            if *cell == 0.0 {
+                self.touched.push(index);
+            }
+            *cell += value;
+        };
+        for &(node, weight) in row.iter() {
+            add(0, weight / (count as f32).sqrt());
+            let mut node = node;
+            while node > 1 {
+                let parent = node / 2;
+                let leaves = count >> parent.ilog2();
+                let sign = if node % 2 == 0 { 1.0 } else { -1.0 };
+                add(parent, sign * weight / (leaves as f32).sqrt());
+                node = parent;
+            }
+        }
+        // A cell that fell back to zero is listed twice.
+        self.touched.sort_unstable();
+        self.touched.dedup();
+        row.clear();
+        row.extend(self.touched.iter().map(|&index| (index, self.dense[index as usize])));
+        self.touched.iter().for_each(|&index| self.dense[index as usize] = 0.0);
+        self.touched.clear();
+        if row.len() > coefficients {
+            row.select_nth_unstable_by(coefficients, |a, b| b.1.abs().total_cmp(&a.1.abs()).then(a.0.cmp(&b.0)));
+            row.truncate(coefficients);
+            row.sort_unstable_by_key(|entry| entry.0);
+        }
+    }
+}
+
+/// What a finished row costs; in the report.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Kept {
+    pub rows: u64,
+    pub entries: u64,
+}
+
+impl Kept {
+    pub fn per_row(&self) -> f64 {
+        self.entries as f64 / self.rows.max(1) as f64
+    }
+}
+
+/// The columns of a basis over `count` gather samples are below this.
+pub fn columns(basis: Basis, count: usize) -> usize {
+    1 << basis.index_bits(count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::Device;
+    use crate::kernels::haar_encode;
+
+    #[test]
+    fn haar_rows_are_the_transform_of_the_spread_weights() {
+        let nodes = [(9, 0.5), (3, 0.25), (20, 0.125), (1, 2.0)];
+        let mut row = nodes.to_vec();
+        HaarScratch::new(16).haar_row(&mut row, 16);
+        let mut leaves = [[0.0; 4]; 16];
+        for (node, weight) in nodes {
+            let level = u32::ilog2(node);
+            let span = 16 >> level;
+            let first = (node as usize - (1 << level)) * span;
+            leaves[first..first + span].iter_mut().for_each(|leaf| leaf[0] += weight / span as f32);
+        }
+        let expected = haar_encode(&Device::Cpu, &leaves, 1).unwrap();
+        for (index, expected) in expected.iter().enumerate() {
+            let found = row.iter().find(|e| e.0 == index as u32).map_or(0.0, |e| e.1);
+            assert!((found - expected[0]).abs() < 1e-6, "coefficient {index}: {found} {expected:?}");
+        }
+    }
+
+    #[test]
+    fn truncation_keeps_the_largest() {
+        let mut row = vec![(16, 1.0)];
+        HaarScratch::new(16).haar_row(&mut row, 2);
+        // Wavelet 8 is the narrowest above leaf 16, then 4.
+        assert_eq!(row.iter().map(|e| e.0).collect::<Vec<_>>(), [4, 8]);
+    }
+
+    #[test]
+    fn counting_merging() {
+        let mut row = Vec::new();
+        count_nodes(&mut [5, 0, 3, 5], &mut row);
+        assert_eq!(row, [(3, 0.25), (5, 0.5)]);
+        merge_siblings(&[1.0, 1.0, 0.0, 3.0], 0.0, &mut row);
+        assert_eq!(row, [(2, 2.0), (7, 3.0)]);
+        merge_siblings(&[1.0; 8], 0.0, &mut row);
+        assert_eq!(row, [(1, 8.0)]);
+    }
+}

@@ -1,0 +1,123 @@
+//! Curves on the intensity of light: how a caster/receiver edit makes falloff softer or steeper (thesis 4.4.2).
+
+use crate::kernels::colour_edits::Knot;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What becomes of the luminance of the edited light.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ToneCurve {
+    /// No curve.
+    #[default]
+    None,
+    /// `pivot (x / pivot)^(1 / gamma)`: above 1 lifts dim light and softens falloff, below 1 deepens it; light of
+    /// luminance `pivot` (W/m²) stays.
+    Gamma {
+        #[schemars(range(min = 0.1, max = 10.0))]
+        gamma: f32,
+        #[serde(default = "one")]
+        #[schemars(range(min = 1e-6, max = 1e6))]
+        pivot: f32,
+    },
+    /// A smooth curve through points `[luminance in, luminance out]` in rising order; between two points it never
+    /// overshoots, beyond the ends it goes on straight.
+    Points(Vec<[f32; 2]>),
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+/// Knots a decade in the table of a gamma curve: the cubic between them is off by less than 1e-4 of the value.
+const PER_DECADE: i32 = 4;
+
+impl ToneCurve {
+    /// What is wrong with the parameters, if anything.
+    pub fn fault(&self) -> Option<String> {
+        match self {
+            Self::None => None,
+            Self::Gamma { gamma, pivot } if *gamma > 0.0 && *pivot > 0.0 && gamma.is_finite() && pivot.is_finite() => {
+                None
+            }
+            Self::Gamma { gamma, pivot } => Some(format!("gamma {gamma} and pivot {pivot} must be above 0")),
+            Self::Points(points) if points.is_empty() => Some("a curve needs at least one point".into()),
+            Self::Points(points) => {
+                if let Some(bad) = points.iter().find(|p| !p.iter().all(|x| x.is_finite() && *x >= 0.0)) {
+                    return Some(format!("point {bad:?} is not a pair of numbers from 0 up"));
+                }
+                let falls = points.windows(2).find(|pair| pair[0][0] >= pair[1][0])?;
+                Some(format!("point {:?} does not lie right of {:?}", falls[1], falls[0]))
+            }
+        }
+    }
+
+    /// Cubic Hermite knots; empty for no curve.
+    pub fn knots(&self) -> Vec<Knot> {
+        match self {
+            Self::None => Vec::new(),
+            Self::Gamma { gamma, pivot } => {
+                let power = 1.0 / gamma;
+                (-6 * PER_DECADE..=6 * PER_DECADE)
+                    .map(|i| {
+                        let x = pivot * 10f32.powf(i as f32 / PER_DECADE as f32);
+                        let y = pivot * (x / pivot).powf(power);
+                        Knot::new(x, y, power * y / x)
+                    })
+                    .collect()
+            }
+            Self::Points(points) => monotone(points),
+        }
+    }
+}
+
+/// Slopes that keep each piece between its ends (Fritsch and Carlson 1980, with the harmonic mean of Fritsch and
+/// Butland 1984).
+fn monotone(points: &[[f32; 2]]) -> Vec<Knot> {
+    if let [[x, y]] = points {
+        return vec![Knot::new(*x, *y, if *x > 0.0 { y / x } else { 1.0 })];
+    }
+    let secant: Vec<f32> = points.windows(2).map(|p| (p[1][1] - p[0][1]) / (p[1][0] - p[0][0])).collect();
+    let slope = |i: usize| match (i.checked_sub(1).map(|i| secant[i]), secant.get(i)) {
+        (Some(a), Some(&b)) if a * b > 0.0 => {
+            let (left, right) = (points[i][0] - points[i - 1][0], points[i + 1][0] - points[i][0]);
+            let (wa, wb) = (2.0 * right + left, right + 2.0 * left);
+            (wa + wb) / (wa / a + wb / b)
+        }
+        (Some(_), Some(_)) => 0.0,
+        (Some(a), None) => a,
+        (None, Some(&b)) => b,
+        (None, None) => 1.0,
+    };
+    points.iter().enumerate().map(|(i, [x, y])| Knot::new(*x, *y, slope(i))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn straight_points_make_a_straight_line() {
+        let knots = ToneCurve::Points(vec![[0.0, 0.0], [1.0, 2.0], [4.0, 8.0]]).knots();
+        assert!(knots.iter().all(|knot| (knot.slope - 2.0).abs() < 1e-6), "{knots:?}");
+    }
+
+    #[test]
+    fn a_peak_is_flat() {
+        let knots = ToneCurve::Points(vec![[0.0, 0.0], [1.0, 1.0], [2.0, 0.5]]).knots();
+        assert_eq!(knots[1].slope, 0.0);
+    }
+
+    #[test]
+    fn faults_are_named() {
+        for bad in [
+            ToneCurve::Points(vec![]),
+            ToneCurve::Points(vec![[1.0, 0.0], [1.0, 1.0]]),
+            ToneCurve::Points(vec![[0.0, f32::NAN]]),
+            ToneCurve::Gamma { gamma: 0.0, pivot: 1.0 },
+        ] {
+            assert!(bad.fault().is_some(), "{bad:?}");
+        }
+        assert!(ToneCurve::Points(vec![[0.0, 1.0], [2.0, 0.0]]).fault().is_none());
+    }
+}

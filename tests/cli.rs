@@ -1,0 +1,107 @@
+//! The command line: what goes to stdout, what to stderr, and the exit codes.
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use predicates::str::{contains, is_empty};
+use std::path::{Path, PathBuf};
+
+fn chiaro() -> Command {
+    let mut command = Command::cargo_bin("chiaro").unwrap();
+    command.env_remove("CHIARO_LOG").env_remove("CHIARO_CACHE").env("NO_COLOR", "1");
+    command
+}
+
+fn recipe(folder: &Path, text: &str) -> PathBuf {
+    let path = folder.join("recipe.json");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+#[test]
+fn help_and_version_go_to_stdout() {
+    chiaro().arg("--help").assert().success().stdout(contains("Exit codes")).stderr(is_empty());
+    chiaro().arg("--version").assert().success().stdout(contains(env!("CARGO_PKG_VERSION")));
+    chiaro().args(["render", "--help"]).assert().success().stdout(contains("NODE.PARAM=JSON"));
+}
+
+#[test]
+fn bad_usage_is_2() {
+    for arguments in [
+        &["rendr"][..],
+        &["render"],
+        &["render", "x.json", "--device", "tpu"],
+        &["render", "x.json", "--threads", "0"],
+        &["render", "x.json", "--cache-size", "many"],
+        &["check"],
+        &["nodes", "no_such_node"],
+    ] {
+        chiaro().args(arguments).assert().code(2).stdout(is_empty()).stderr(contains("error"));
+    }
+}
+
+#[test]
+fn a_missing_recipe_is_3_and_says_which() {
+    for command in ["render", "check"] {
+        let assert = chiaro().args([command, "no/such.json"]).assert().code(3).stdout(is_empty());
+        assert.stderr(contains("no/such.json").and(contains("help:")));
+    }
+    chiaro().args(["check", "."]).assert().code(3);
+}
+
+#[test]
+fn a_bad_graph_is_2_with_line_and_column_on_plain_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let path =
+        recipe(folder.path(), "{ \"chiaro\": 1,\n  \"nodes\": { \"a\": { \"type\": \"no_such\" } },\n  \"fsp\": 1 }");
+    for command in ["render", "check"] {
+        let assert = chiaro().arg(command).arg(&path).assert().code(2).stdout(is_empty());
+        let problems = contains("no node type \"no_such\"").and(contains("\"fsp\"")).and(contains("\"fps\""));
+        let places = contains("recipe.json:2:29").and(contains("recipe.json:3:3")).and(contains("2 problems"));
+        assert.stderr(problems.and(places).and(predicate::function(|text: &str| text.is_ascii())));
+    }
+}
+
+#[test]
+fn check_reports_every_recipe_and_the_worst_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = recipe(folder.path(), "{ \"chiaro\": 1, \"nodes\": {} }");
+    chiaro().arg("check").arg(&good).assert().success().stdout(contains("good, 0 nodes")).stderr(is_empty());
+    let assert = chiaro().arg("check").arg("none.json").arg(&good).assert().code(3);
+    assert.stdout(contains("good, 0 nodes")).stderr(contains("none.json"));
+}
+
+#[test]
+fn nothing_to_render_is_bad_usage_and_leaves_no_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = recipe(folder.path(), "{ \"chiaro\": 1, \"nodes\": {} }");
+    let report = folder.path().join("report.json");
+    let assert = chiaro().arg("render").arg(&path).arg("--report").arg(&report).assert().code(2);
+    assert.stderr(contains("no node of this recipe writes a file"));
+    assert!(!report.exists());
+    chiaro().arg("render").arg(&path).args(["--node", "x"]).assert().code(2).stderr(contains("no node \"x\""));
+    chiaro().arg("render").arg(&path).args(["--set", "x.y=1"]).assert().code(2).stderr(contains("--set x.y=1"));
+}
+
+#[test]
+fn nodes_and_schema_are_json_when_asked() {
+    let json = |arguments: &[&str]| -> serde_json::Value {
+        let output = chiaro().args(arguments).assert().success().stderr(is_empty()).get_output().stdout.clone();
+        serde_json::from_slice(&output).unwrap()
+    };
+    let all = json(&["nodes", "--json"]);
+    assert_eq!(all.as_array().unwrap().len(), chiaro::nodes::ALL.len());
+    for node in all.as_array().unwrap() {
+        let name = node["name"].as_str().unwrap();
+        assert_eq!(&json(&["nodes", name, "--json"]), node);
+        chiaro().args(["nodes", name]).assert().success().stdout(contains(name));
+    }
+    let table = chiaro().args(["nodes", "--markdown"]).assert().success().get_output().stdout.clone();
+    assert_eq!(String::from_utf8(table).unwrap().lines().count(), 2 + chiaro::nodes::ALL.len());
+    let schema = json(&["schema"]);
+    assert!(jsonschema::draft202012::meta::is_valid(&schema));
+}
+
+#[test]
+fn the_cpu_is_a_device() {
+    chiaro().arg("devices").assert().success().stdout(contains("cpu")).stderr(is_empty());
+}
