@@ -153,7 +153,7 @@ fn names_missing_matte(image: &Image, attribute: &str) -> bool {
     };
     let name = format!("cryptomatte/{key}/name");
     let matte = image.metadata.iter().find(|(other, _)| *other == name);
-    !matte.is_some_and(|(_, matte)| image.layer(&format!("{matte}00")).is_some())
+    matte.is_none_or(|(_, matte)| image.layer(&format!("{matte}00")).is_none())
 }
 
 /// UTF-8, which `Text::from` would refuse above Latin-1.
