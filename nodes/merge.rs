@@ -35,7 +35,6 @@ pub enum Operation {
 #[serde(default, deny_unknown_fields)]
 pub struct Merge {
     /// How a and b are put together.
-    /// What becomes of a value of a and the value of b under it.
     pub operation: Operation,
     /// How much of the result replaces b: 0 is b, 1 is the result.
     #[schemars(range(min = 0.0, max = 1.0))]
