@@ -2,7 +2,7 @@
 
 struct Params {
     pixels: u32,
-    operator: u32,  // 0 none, 1 reinhard, 2 neutral
+    mode: u32,      // 0 none, 1 reinhard, 2 neutral
     gain: f32,      // 2 ^ exposure
     white: f32,     // luminance that reinhard maps to 1
 }
@@ -27,7 +27,7 @@ fn tone_map(
     }
     let pixel = pixels[n];
     var colour = pixel.xyz * params.gain;
-    switch params.operator {
+    switch params.mode {
         case 1u: { colour = reinhard(colour, params.white); }
         case 2u: { colour = neutral(colour); }
         default: {}

@@ -10,9 +10,11 @@ pub struct Args {}
 impl Args {
     pub fn run(self) -> Result<u8> {
         let devices = device::list();
-        let width = devices.iter().map(|(name, ..)| name.chars().count()).max().unwrap_or(0);
-        for (name, kind, detail) in devices {
-            print(&format!("{name:width$}  {kind:12}  {detail}\n"));
+        let width = devices.iter().map(|device| device.name.chars().count()).max().unwrap_or(0);
+        for device::Description { name, kind, backend, driver, automatic } in devices {
+            let taken = if automatic { "  (taken by --device auto)" } else { "" };
+            let line = format!("{name:width$}  {kind:8}  {backend} {driver}");
+            print(&format!("{}{taken}\n", line.trim_end()));
         }
         Ok(0)
     }

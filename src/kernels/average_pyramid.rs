@@ -6,6 +6,8 @@
 
 use super::{power_of_two, vector_length};
 use crate::Result;
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Binding, Device, Kernel};
 use glam::Vec4;
@@ -38,6 +40,8 @@ pub fn average_pyramid(device: &Device, leaves: &[[f32; 4]], count: usize) -> Re
     power_of_two(KERNEL.name, length)?;
     match device {
         Device::Cpu => Ok(cpu(leaves, length)),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => self::gpu(gpu, leaves, length),
     }
 }
 
@@ -57,6 +61,34 @@ fn cpu(leaves: &[[f32; 4]], length: usize) -> Vec<[f32; 4]> {
         }
     }
     pyramids
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(gpu: &Gpu, leaves: &[[f32; 4]], length: usize) -> Result<Vec<[f32; 4]>> {
+    const WIDTH: usize = 256;
+    let mut result = Vec::with_capacity(2 * leaves.len());
+    for leaves in leaves.chunks(length * gpu.page(32 * length)) {
+        let count = leaves.len() / length;
+        let pyramid = gpu.storage::<[f32; 4]>(2 * leaves.len());
+        for (tree, leaves) in leaves.chunks_exact(length).enumerate() {
+            gpu.write(&pyramid, (2 * tree + 1) * length, leaves);
+        }
+        let mut batch = gpu.batch();
+        let mut level = length;
+        loop {
+            let width = level.min(WIDTH);
+            let ancestors = level / width;
+            let params =
+                Params { level: level as u32, width: width as u32, leaves: length as u32, count: count as u32 };
+            batch.dispatch(&KERNEL, &params, &[&pyramid], ancestors * count)?;
+            if ancestors == 1 {
+                break;
+            }
+            level = ancestors;
+        }
+        batch.read(&pyramid, |page| result.extend_from_slice(page))?;
+    }
+    Ok(result)
 }
 
 #[cfg(test)]

@@ -13,7 +13,11 @@
 //! weight 0. The result is the sum of all atoms, in order. The fourth element of an atom is not light: the result's is
 //! 0. Inputs are finite.
 
+#[cfg(feature = "gpu")]
+use super::pages;
 use super::vector_length;
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Array, Binding, Device, Kernel};
 use crate::{Error, Result};
@@ -27,6 +31,7 @@ const DARK: f32 = 1e-20;
 /// Rec.709.
 const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 /// In `PackedEdit::receiver`: the edit applies everywhere.
+#[cfg(feature = "gpu")]
 const EVERYWHERE: u32 = u32::MAX;
 
 /// A knot of a tone curve on luminance.
@@ -124,6 +129,8 @@ pub fn colour_edits(device: &Device, atoms: &[[f32; 4]], count: usize, edits: &[
     }
     match device {
         Device::Cpu => Ok(cpu(atoms, samples, count, edits)),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => self::gpu(gpu, atoms, samples, count, edits),
     }
 }
 
@@ -165,6 +172,42 @@ fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -
         }
     });
     totals
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(gpu: &Gpu, atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -> Result<Vec<[f32; 4]>> {
+    let mask_words = count.div_ceil(32);
+    let (mut packed, mut masks, mut knots) = (Vec::new(), Vec::new(), Vec::new());
+    let mut receivers: Vec<&Array<f32>> = Vec::new();
+    for edit in edits {
+        let receiver = edit.receiver.as_ref().map_or(EVERYWHERE, |receiver| {
+            receivers.push(receiver);
+            receivers.len() as u32 - 1
+        });
+        let matrix = [edit.matrix.x_axis, edit.matrix.y_axis, edit.matrix.z_axis].map(|c| c.extend(0.0).to_array());
+        let (first_knot, count) = (knots.len() as u32, edit.curve.len() as u32);
+        packed.push(PackedEdit { matrix, first_knot, knots: count, receiver, pad: 0 });
+        masks.extend((0..mask_words).map(|word| edit.atoms.get(word).copied().unwrap_or(0)));
+        knots.extend_from_slice(&edit.curve);
+    }
+    let (packed, masks, knots) = (gpu.upload(&packed), gpu.upload(&masks), gpu.upload(&knots));
+    let mut out = Vec::with_capacity(samples);
+    for range in pages(samples, gpu.page(16 * count.max(receivers.len()))) {
+        let params = Params {
+            samples: range.len() as u32,
+            atoms: count as u32,
+            edits: edits.len() as u32,
+            mask_words: mask_words as u32,
+        };
+        let light = gpu.upload_columns(atoms, samples, range.clone());
+        let weights = gpu.upload_parts(receivers.iter().map(|receiver| &receiver[range.clone()]));
+        let totals = gpu.storage::<[f32; 4]>(range.len());
+        let mut batch = gpu.batch();
+        let buffers = [&packed, &masks, &knots, &weights, &light, &totals];
+        batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(64))?;
+        batch.read(&totals, |page| out.extend_from_slice(page))?;
+    }
+    Ok(out)
 }
 
 fn apply(edit: &ColourEdit, n: usize, light: &mut [Vec3]) {

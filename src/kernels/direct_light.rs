@@ -69,7 +69,7 @@ pub fn direct_light(
         highlights: view.is_some().into(),
     };
     match device {
-        Device::Cpu => Ok(cpu(geometry, points, &uniforms, emitters, view.map_or(&[], |view| &view.gloss[..]))),
+        _ => Ok(cpu(geometry, points, &uniforms, emitters, view.map_or(&[], |view| &view.gloss[..]))),
     }
 }
 

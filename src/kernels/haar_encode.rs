@@ -12,6 +12,8 @@
 
 use super::{power_of_two, vector_length};
 use crate::Result;
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Binding, Device, Kernel};
 use glam::Vec4;
@@ -50,6 +52,8 @@ pub fn haar_encode(device: &Device, values: &[[f32; 4]], count: usize) -> Result
     power_of_two(KERNEL.name, length)?;
     match device {
         Device::Cpu => Ok(cpu(values, length)),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => self::gpu(gpu, values, length),
     }
 }
 
@@ -68,6 +72,32 @@ fn cpu(values: &[[f32; 4]], length: usize) -> Vec<[f32; 4]> {
         coefficients[0] = fine[0];
     }
     coefficients
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(gpu: &Gpu, values: &[[f32; 4]], length: usize) -> Result<Vec<[f32; 4]>> {
+    const WIDTH: usize = 256;
+    let mut result = Vec::with_capacity(values.len());
+    for values in values.chunks(length * gpu.page(16 * length)) {
+        let count = values.len() / length;
+        let coefficients = gpu.storage::<[f32; 4]>(values.len());
+        let mut batch = gpu.batch();
+        let (mut fine, mut left) = (gpu.upload(values), length);
+        loop {
+            let width = left.min(WIDTH);
+            let rows = left / width;
+            let averages = gpu.storage::<[f32; 4]>(rows * count);
+            let params = Params { rows: rows as u32, width: width as u32, length: length as u32, count: count as u32 };
+            batch.dispatch(&KERNEL, &params, &[&fine, &averages, &coefficients], rows * count)?;
+            if rows == 1 {
+                break;
+            }
+            // The first column: the averages of the rows.
+            (fine, left) = (averages, rows);
+        }
+        batch.read(&coefficients, |page| result.extend_from_slice(page))?;
+    }
+    Ok(result)
 }
 
 fn encode_level(fine: &[[f32; 4]], averages: &mut [[f32; 4]], details: &mut [[f32; 4]]) {

@@ -5,6 +5,10 @@
 //! run over j = 0..4 in order.
 
 use super::vector_length;
+#[cfg(feature = "gpu")]
+use super::{pages, put_columns};
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Array, Binding, Device, Kernel};
 use crate::{Error, Result};
@@ -62,6 +66,8 @@ pub fn interpolate(
     }
     match device {
         Device::Cpu => Ok(cpu(indices, weights, rows, length)),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => self::gpu(gpu, indices, weights, rows, count),
     }
 }
 
@@ -83,6 +89,29 @@ fn cpu(indices: &[[u32; 4]], weights: &[[f32; 4]], rows: &[[f32; 4]], length: us
         });
     }
     out
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(
+    gpu: &Gpu,
+    indices: &Array<[u32; 4]>,
+    weights: &Array<[f32; 4]>,
+    rows: &[[f32; 4]],
+    count: usize,
+) -> Result<Vec<[f32; 4]>> {
+    let samples = indices.len();
+    let mut out = vec![[0.0; 4]; count * samples];
+    let light = gpu.upload(rows);
+    for range in pages(samples, gpu.page(16 * count)) {
+        let part = gpu.storage::<[f32; 4]>(count * range.len());
+        let params =
+            Params { samples: range.len() as u32, rows: (rows.len() / count) as u32, count: count as u32, pad0: 0 };
+        let mut batch = gpu.batch();
+        let buffers = [&gpu.array(indices, range.clone()), &gpu.array(weights, range.clone()), &light, &part];
+        batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(64))?;
+        batch.read(&part, |page| put_columns(&mut out, samples, range, page))?;
+    }
+    Ok(out)
 }
 
 #[cfg(test)]

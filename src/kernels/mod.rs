@@ -24,6 +24,8 @@ pub use tone_map::tone_map;
 
 use crate::device::Kernel;
 use crate::{Error, Result};
+#[cfg(feature = "gpu")]
+use std::ops::Range;
 
 /// Every kernel, in the order of the alphabet.
 pub const ALL: &[&Kernel] = &[
@@ -64,4 +66,18 @@ fn split_columns<const K: usize, T>(data: &mut [T], block: usize) -> Vec<[&mut [
     (0..length.div_ceil(block))
         .map(|_| std::array::from_fn(|k| columns[k].next().expect("every column has as many blocks")))
         .collect()
+}
+
+/// Consecutive ranges of at most `page` that cover `0..total`.
+#[cfg(feature = "gpu")]
+fn pages(total: usize, page: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..total).step_by(page).map(move |start| start..total.min(start + page))
+}
+
+/// Puts a page of vectors, one after another, at `range` of each of the vectors of `length` elements in `out`.
+#[cfg(feature = "gpu")]
+fn put_columns<T: Copy>(out: &mut [T], length: usize, range: Range<usize>, page: &[T]) {
+    for (out, page) in out.chunks_exact_mut(length).zip(page.chunks_exact(range.len())) {
+        out[range.clone()].copy_from_slice(page);
+    }
 }

@@ -67,7 +67,7 @@ pub fn primary_visibility(
     }
     let uniforms = Uniforms::new(camera, size.0, size.1, offsets.len() as u32);
     match device {
-        Device::Cpu => Ok(cpu(geometry, &uniforms, offsets)),
+        _ => Ok(cpu(geometry, &uniforms, offsets)),
     }
 }
 

@@ -7,13 +7,18 @@
 //! Order of the sum, in both bodies: four running sums over the entries l, l + 4, l + 8, ... (l = 0..4), added as
 //! `(s0 + s1) + (s2 + s3)`, times the row's scale.
 
+#[cfg(feature = "gpu")]
+use super::put_columns;
 use super::{split_columns, vector_length};
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Binding, Device, Kernel};
 use crate::transport::SparseRows;
 use crate::{Error, Result};
-use glam::Vec4;
 use rayon::prelude::*;
+#[cfg(feature = "gpu")]
+use std::ops::Range;
 
 /// Vectors that one pass over the entries multiplies.
 const VECTORS: usize = 4;
@@ -66,6 +71,8 @@ pub fn sparse_product(device: &Device, rows: &SparseRows, vectors: &[[f32; 4]], 
     for (products, vectors) in passes {
         match device {
             Device::Cpu => cpu(rows, vectors, products),
+            #[cfg(feature = "gpu")]
+            Device::Gpu(gpu) => self::gpu(gpu, rows, vectors, products)?,
         }
     }
     Ok(products)
@@ -84,50 +91,90 @@ fn cpu(rows: &SparseRows, vectors: &[[f32; 4]], products: &mut [[f32; 4]]) {
     }
 }
 
-/// One cache line of the table, so that the table is aligned to one.
+/// What an entry needs of K vectors, side by side.
+type Cell<const K: usize> = [[f32; 4]; K];
+
+/// The memory of the table, aligned so that no cell of 4 vectors straddles two cache lines.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Line([[f32; 4]; 4]);
+struct Line(Cell<4>);
 
 fn multiply<const K: usize, const SIGNED: bool>(rows: &SparseRows, vectors: &[[f32; 4]], products: &mut [[f32; 4]]) {
-    // The vectors interleaved: what an entry needs of all of them lies together.
     let columns = rows.columns();
     let mut lines = vec![Line([[0.0; 4]; 4]); (K * columns).div_ceil(4)];
-    let table: &mut [Vec4] = bytemuck::cast_slice_mut(&mut lines);
-    table.par_chunks_mut(K * BLOCK).take(columns.div_ceil(BLOCK)).enumerate().for_each(|(block, table)| {
-        for (i, cell) in table.chunks_exact_mut(K).enumerate().take(columns - block * BLOCK) {
-            (0..K).for_each(|k| cell[k] = Vec4::from_array(vectors[k * columns + block * BLOCK + i]));
+    let values: &mut [[f32; 4]] = bytemuck::cast_slice_mut(&mut lines);
+    let (cells, _) = values[..K * columns].as_chunks_mut::<K>();
+    cells.par_chunks_mut(BLOCK).enumerate().for_each(|(block, cells)| {
+        for (i, cell) in cells.iter_mut().enumerate() {
+            *cell = std::array::from_fn(|k| vectors[k * columns + block * BLOCK + i]);
         }
     });
-    let table = &table[..K * columns];
-    let index_bits = rows.format().index_bits;
-    split_columns::<K, _>(products, BLOCK).into_par_iter().enumerate().for_each(|(block, mut products)| {
-        let first = block * BLOCK;
-        for i in 0..products[0].len() {
-            let row = first + i;
-            let entries = &rows.entries()[rows.offsets()[row] as usize..rows.offsets()[row + 1] as usize];
-            let sums = row_sums::<K, SIGNED>(entries, index_bits, table);
-            (0..K).for_each(|k| products[k][i] = (sums[k] * rows.scale()[row]).to_array());
+    let table: &[Cell<K>] = cells;
+    split_columns::<K, _>(products, BLOCK).into_par_iter().enumerate().for_each(|(block, products)| {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has what the function is compiled for.
+            return unsafe { multiply_rows_avx2::<K, SIGNED>(rows, table, block * BLOCK, products) };
         }
+        multiply_rows::<K, SIGNED>(rows, table, block * BLOCK, products);
     });
 }
 
+/// The same code with twice as wide registers, without fused operations: the same bits. Measured on a machine with
+/// AVX-512: 1.1 times as fast with one vector, 3 times with four; wider registers yet were slower.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn multiply_rows_avx2<const K: usize, const SIGNED: bool>(
+    rows: &SparseRows,
+    table: &[Cell<K>],
+    first: usize,
+    products: [&mut [[f32; 4]]; K],
+) {
+    multiply_rows::<K, SIGNED>(rows, table, first, products);
+}
+
 #[inline(always)]
-fn row_sums<const K: usize, const SIGNED: bool>(entries: &[u32], index_bits: u32, table: &[Vec4]) -> [Vec4; K] {
-    let mut sums = [[Vec4::ZERO; K]; 4];
+fn multiply_rows<const K: usize, const SIGNED: bool>(
+    rows: &SparseRows,
+    table: &[Cell<K>],
+    first: usize,
+    products: [&mut [[f32; 4]]; K],
+) {
+    let index_bits = rows.format().index_bits;
+    for i in 0..products[0].len() {
+        let (start, end) = (rows.offsets()[first + i], rows.offsets()[first + i + 1]);
+        let sums = row_sums::<K, SIGNED>(&rows.entries()[start as usize..end as usize], index_bits, table);
+        for k in 0..K {
+            products[k][i] = sums[k].map(|sum| sum * rows.scale()[first + i]);
+        }
+    }
+}
+
+/// Plain arrays rather than a vector type: the compiler then uses the widest registers that it may.
+#[inline(always)]
+fn row_sums<const K: usize, const SIGNED: bool>(entries: &[u32], index_bits: u32, table: &[Cell<K>]) -> Cell<K> {
+    let mut sums = [[[0.0; 4]; K]; 4];
     let (fours, rest) = entries.as_chunks::<4>();
     for four in fours {
         let weights = four.map(|entry| weight::<SIGNED>(entry, index_bits));
         for lane in 0..4 {
-            let cell = &table[K * (four[lane] >> (32 - index_bits)) as usize..][..K];
-            (0..K).for_each(|k| sums[lane][k] += cell[k] * weights[lane]);
+            add(&mut sums[lane], &table[(four[lane] >> (32 - index_bits)) as usize], weights[lane]);
         }
     }
-    for (lane, &entry) in rest.iter().enumerate() {
-        let cell = &table[K * (entry >> (32 - index_bits)) as usize..][..K];
-        (0..K).for_each(|k| sums[lane][k] += cell[k] * weight::<SIGNED>(entry, index_bits));
+    for (sums, &entry) in sums.iter_mut().zip(rest) {
+        add(sums, &table[(entry >> (32 - index_bits)) as usize], weight::<SIGNED>(entry, index_bits));
     }
-    std::array::from_fn(|k| (sums[0][k] + sums[1][k]) + (sums[2][k] + sums[3][k]))
+    let [s0, s1, s2, s3] = sums;
+    std::array::from_fn(|k| std::array::from_fn(|c| (s0[k][c] + s1[k][c]) + (s2[k][c] + s3[k][c])))
+}
+
+#[inline(always)]
+fn add<const K: usize>(sums: &mut Cell<K>, cell: &Cell<K>, weight: f32) {
+    for k in 0..K {
+        for c in 0..4 {
+            sums[k][c] += cell[k][c] * weight;
+        }
+    }
 }
 
 #[inline(always)]
@@ -135,6 +182,54 @@ fn weight<const SIGNED: bool>(entry: u32, index_bits: u32) -> f32 {
     let high = entry << index_bits;
     // An unsigned weight fits in 31 bits too, and from i32 the conversion is a single instruction.
     (if SIGNED { high as i32 >> index_bits } else { (high >> index_bits) as i32 }) as f32
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(gpu: &Gpu, rows: &SparseRows, vectors: &[[f32; 4]], products: &mut [[f32; 4]]) -> Result<()> {
+    let count = products.len() / rows.rows();
+    let light = gpu.upload(vectors);
+    for range in row_pages(gpu, rows, count) {
+        let entries = rows.offsets()[range.start] as usize..rows.offsets()[range.end] as usize;
+        let params = Params {
+            rows: range.len() as u32,
+            first_entry: entries.start as u32,
+            columns: rows.columns() as u32,
+            count: count as u32,
+            index_bits: rows.format().index_bits,
+            is_signed: rows.format().signed.into(),
+            pad0: 0,
+            pad1: 0,
+        };
+        let part = gpu.storage::<[f32; 4]>(count * range.len());
+        let buffers = [
+            &gpu.array(rows.offsets(), range.start..range.end + 1),
+            &gpu.array(rows.entries(), entries),
+            &gpu.array(rows.scale(), range.clone()),
+            &light,
+            &part,
+        ];
+        let mut batch = gpu.batch();
+        batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(16))?;
+        batch.read(&part, |page| put_columns(products, rows.rows(), range, page))?;
+    }
+    Ok(())
+}
+
+/// Ranges of rows whose entries and products each fit in a page; a longer row is a page of its own.
+#[cfg(feature = "gpu")]
+fn row_pages(gpu: &Gpu, rows: &SparseRows, count: usize) -> Vec<Range<usize>> {
+    let (most_entries, most_rows) = (gpu.page(4), gpu.page(16 * count));
+    let offsets = rows.offsets();
+    let mut pages = Vec::new();
+    let mut start = 0;
+    while start < rows.rows() {
+        let last = offsets[start] as usize + most_entries;
+        let fitting = offsets[start + 1..].partition_point(|&end| end as usize <= last);
+        let end = start + fitting.clamp(1, most_rows).min(rows.rows() - start);
+        pages.push(start..end);
+        start = end;
+    }
+    pages
 }
 
 #[cfg(test)]
@@ -173,6 +268,19 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_vector_gives_the_same_bits_alone_and_among_others() {
+        let format = EntryFormat::new(6, true).unwrap();
+        let pairs: Vec<Vec<(u32, f32)>> =
+            (0..300).map(|row| (0..row % 64).map(|j| (j, 1.0 / (j + row + 1) as f32 - 0.01)).collect()).collect();
+        let rows = SparseRows::from_rows(format, pairs.iter().map(Vec::as_slice)).unwrap();
+        let vectors: Vec<[f32; 4]> = (0..5 * 64).map(|i| [(i as f32).sin(), 0.1 * i as f32, 1e-3, 7.7]).collect();
+        let together = sparse_product(&Device::Cpu, &rows, &vectors, 5).unwrap();
+        for (vector, together) in vectors.chunks(64).zip(together.chunks(300)) {
+            assert_eq!(sparse_product(&Device::Cpu, &rows, vector, 1).unwrap(), together);
         }
     }
 

@@ -10,6 +10,8 @@
 //!
 //! The result is linear display-referred with Rec.709 primaries; a writer of PNG applies the sRGB curve. NaN stays NaN.
 
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Binding, Device, Kernel};
 use crate::{Error, Result};
@@ -42,7 +44,8 @@ pub enum Operator {
 uniform! {
     struct Params {
         pixels: u32,
-        operator: u32,
+        /// An `Operator`; the name is reserved in WGSL.
+        mode: u32,
         gain: f32,
         white: f32,
     }
@@ -71,9 +74,11 @@ pub fn tone_map(
             "change the parameters of the node",
         ));
     }
-    let params = Params { pixels: pixels.len() as u32, operator: operator as u32, gain: exposure.exp2(), white };
+    let params = Params { pixels: pixels.len() as u32, mode: operator as u32, gain: exposure.exp2(), white };
     match device {
         Device::Cpu => Ok(cpu(params, pixels)),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => self::gpu(gpu, params, pixels),
     }
 }
 
@@ -83,7 +88,7 @@ fn cpu(params: Params, pixels: &[[f32; 4]]) -> Vec<[f32; 4]> {
         for pixel in pixels {
             let [r, g, b, alpha] = *pixel;
             let colour = Vec3::new(r, g, b) * params.gain;
-            let colour = match params.operator {
+            let colour = match params.mode {
                 1 => reinhard(colour, params.white),
                 2 => neutral(colour),
                 _ => colour,
@@ -92,6 +97,19 @@ fn cpu(params: Params, pixels: &[[f32; 4]]) -> Vec<[f32; 4]> {
         }
     });
     out
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(gpu: &Gpu, params: Params, pixels: &[[f32; 4]]) -> Result<Vec<[f32; 4]>> {
+    let mut out = Vec::with_capacity(pixels.len());
+    for pixels in pixels.chunks(gpu.page(16)) {
+        let params = Params { pixels: pixels.len() as u32, ..params };
+        let buffer = gpu.upload(pixels);
+        let mut batch = gpu.batch();
+        batch.dispatch(&KERNEL, &params, &[&buffer], pixels.len().div_ceil(64))?;
+        batch.read(&buffer, |page| out.extend_from_slice(page))?;
+    }
+    Ok(out)
 }
 
 fn reinhard(colour: Vec3, white: f32) -> Vec3 {

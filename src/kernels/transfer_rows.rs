@@ -57,7 +57,7 @@ pub fn transfer_rows(
         pad: [0; 3],
     };
     match device {
-        Device::Cpu => Ok(cpu(geometry, gather, points, seeds, &uniforms)),
+        _ => Ok(cpu(geometry, gather, points, seeds, &uniforms)),
     }
 }
 

@@ -1,0 +1,142 @@
+//! Times the kernels that relighting is made of, beside the rate at which this machine streams memory in the same run:
+//! `cargo bench --bench kernels [-- --device gpu]`. Prints the median of several runs and the bytes that must be read.
+
+use chiaro::device::{Array, Choice, Device};
+use chiaro::kernels::{self, colour_edits::ColourEdit};
+use chiaro::transport::sparse::{EntryFormat, SparseRows};
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+use std::hint::black_box;
+use std::time::Instant;
+
+fn main() {
+    let gpu = std::env::args().any(|argument| argument == "gpu");
+    let device = match Device::open(if gpu { Choice::Gpu } else { Choice::Cpu }) {
+        Ok(device) => device,
+        Err(error) => {
+            eprintln!("{error}: {}", error.help());
+            std::process::exit(error.exit_code().into());
+        }
+    };
+    println!("{:<44} {:>9} {:>9} {:>9}", "", "median ms", "best ms", "GB/s");
+    stream();
+    for (rows, entries, index_bits, signed, count) in [
+        (307_200, 100, 16, true, 1),
+        (307_200, 100, 16, true, 4),
+        (30_000, 700, 17, false, 1),
+        (30_000, 700, 17, false, 2),
+        (30_000, 700, 17, false, 4),
+    ] {
+        product(&device, rows, entries, EntryFormat { index_bits, signed }, count);
+    }
+    for count in [1, 4] {
+        vectors(&device, count);
+    }
+    edits(&device);
+}
+
+/// Median and best milliseconds of `run`, after one run that does not count.
+fn time(name: &str, bytes: usize, mut run: impl FnMut()) {
+    run();
+    let mut times: Vec<f64> = (0..15)
+        .map(|_| {
+            let start = Instant::now();
+            run();
+            start.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    let median = times[times.len() / 2];
+    println!("{name:<44} {median:>9.2} {:>9.2} {:>9.1}", times[0], bytes as f64 / median * 1e-6);
+}
+
+/// Reads an array larger than the caches with every thread.
+fn stream() {
+    let data: Vec<u64> = (0..64u64 << 20).collect();
+    time("streaming read, 512 MiB", 8 * data.len(), || {
+        let sum =
+            data.par_chunks(1 << 16).map(|chunk| chunk.iter().fold(0, |sum, &x| sum ^ x)).reduce(|| 0, |a, b| a ^ b);
+        black_box(sum);
+    });
+}
+
+/// A row's columns as transfer has them: coarse nodes, a neighbourhood that it shares with the rows beside it, and a
+/// quarter of its entries anywhere; sorted.
+fn product(device: &Device, rows: usize, entries: usize, format: EntryFormat, count: usize) {
+    let mut random = Random(7);
+    let last_weight = format.max_weight() as u32;
+    let mut packed = Vec::with_capacity(rows * entries);
+    for row in 0..rows {
+        let centre = (row * format.columns() / rows) as u32;
+        let mut row: Vec<(u32, u32)> = (0..entries as u32)
+            .map(|j| {
+                let column = match j % 4 {
+                    0 => random.below(1024),
+                    1 | 2 => (centre + random.below(4096)) % format.columns() as u32,
+                    _ => random.below(format.columns() as u32),
+                };
+                (column, 1 + random.below(last_weight))
+            })
+            .collect();
+        row.sort_unstable();
+        packed.extend(row.iter().map(|(column, weight)| column << (32 - format.index_bits) | weight));
+    }
+    let offsets: Vec<u32> = (0..=rows).map(|row| (row * entries) as u32).collect();
+    let matrix = SparseRows::new(offsets, packed, vec![1e-4; rows], format).expect("made to fit");
+    let vectors: Vec<[f32; 4]> = (0..count * format.columns()).map(|_| [random.unit(); 4]).collect();
+    let name = format!("sparse_product {rows} x {entries}, {count} vectors");
+    time(&name, matrix.bytes() as usize, || {
+        black_box(kernels::sparse_product(device, &matrix, &vectors, count).expect("fits"));
+    });
+}
+
+fn vectors(device: &Device, count: usize) {
+    let mut random = Random(3);
+    let light: Vec<[f32; 4]> = (0..count << 16).map(|_| [random.unit(); 4]).collect();
+    time(&format!("haar_encode 65536, {count} vectors"), 16 * light.len(), || {
+        black_box(kernels::haar_encode(device, &light, count).expect("fits"));
+    });
+    time(&format!("average_pyramid 65536, {count} vectors"), 16 * light.len(), || {
+        black_box(kernels::average_pyramid(device, &light, count).expect("fits"));
+    });
+    let (samples, rows) = (640 * 480, 30_000);
+    let light: Vec<[f32; 4]> = (0..count * rows).map(|_| [random.unit(); 4]).collect();
+    let near = |n: usize, j: usize| ((n / 10 + j * 37) % rows) as u32;
+    let indices: Vec<[u32; 4]> = (0..samples).map(|n| std::array::from_fn(|j| near(n, j))).collect();
+    let (indices, weights) = (Array::from(indices), Array::from(vec![[0.4, 0.3, 0.2, 0.1]; samples]));
+    time(&format!("interpolate 640 x 480, {count} vectors"), 32 * samples, || {
+        black_box(kernels::interpolate(device, &indices, &weights, &light, count).expect("fits"));
+    });
+}
+
+fn edits(device: &Device) {
+    let (samples, count) = (640 * 480, 4);
+    let atoms = vec![[0.5, 0.25, 0.125, 0.0]; count * samples];
+    let edits: Vec<ColourEdit> = (0..3)
+        .map(|i| ColourEdit {
+            atoms: ColourEdit::mask([i, i + 1]),
+            matrix: Mat3::from_diagonal(Vec3::splat(1.5)),
+            curve: vec![],
+            receiver: Some(vec![0.5; samples].into()),
+        })
+        .collect();
+    time("colour_edits 640 x 480, 4 atoms, 3 edits", 16 * atoms.len(), || {
+        black_box(kernels::colour_edits(device, &atoms, count, &edits).expect("fits"));
+    });
+}
+
+/// A small generator (xorshift), so that every run measures the same data.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: u32) -> u32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        ((self.0 >> 32) * end as u64 >> 32) as u32
+    }
+
+    fn unit(&mut self) -> f32 {
+        self.below(1 << 24) as f32 / (1 << 24) as f32
+    }
+}

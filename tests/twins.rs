@@ -1,0 +1,285 @@
+//! Both bodies of every kernel on the same inputs: seeded random ones and ugly ones (0, -0, denormals, 65504, infinity,
+//! NaN, one element, sizes that are no multiple of 8 or 64), in one piece and in pages.
+//!
+//! Runs on any adapter, a software driver included, one test at a time; without one every test is reported as ignored
+//! and a line says so.
+
+use chiaro::device::{Array, Choice, Device};
+use chiaro::kernels::colour_edits::{ColourEdit, Knot};
+use chiaro::kernels::tone_map::Operator;
+use chiaro::kernels::{self, average_pyramid, colour_edits, haar_encode, interpolate, sparse_product, tone_map};
+use chiaro::transport::sparse::{EntryFormat, SparseRows};
+use glam::{Mat3, Vec3};
+use libtest_mimic::{Arguments, Failed, Trial};
+use std::sync::Arc;
+
+/// The CPU, the GPU, and the GPU made to work in small pages.
+struct Devices {
+    gpu: Device,
+    paged: Device,
+}
+
+type Outcome = Result<(), String>;
+type Test = fn(&Devices) -> Outcome;
+
+const TESTS: &[(&str, Test)] = &[
+    ("average_pyramid", pyramids),
+    ("colour_edits", edits),
+    ("haar_encode", haar),
+    ("interpolate", interpolation),
+    ("sparse_product", products),
+    ("tone_map", tones),
+];
+
+fn main() {
+    let mut arguments = Arguments::from_args();
+    arguments.test_threads = Some(1);
+    let devices = open().map(Arc::new);
+    if let Err(why) = &devices {
+        eprintln!("GPU: no adapter, {} tests skipped ({why})", TESTS.len());
+    }
+    let mut trials: Vec<Trial> = TESTS
+        .iter()
+        .map(|&(name, test)| {
+            let devices = devices.clone();
+            let ignored = devices.is_err();
+            let run = move || test(&*devices.map_err(|error| error.to_string())?).map_err(Failed::from);
+            Trial::test(name, run).with_ignored_flag(ignored)
+        })
+        .collect();
+    trials.push(Trial::test("the_comparer_can_fail", || the_comparer_can_fail().map_err(Failed::from)));
+    trials.push(Trial::test("every_kernel_is_compared", || every_kernel_is_compared().map_err(Failed::from)));
+    libtest_mimic::run(&arguments, trials).exit();
+}
+
+fn open() -> Result<Devices, String> {
+    let device = || Device::open(Choice::Gpu).map_err(|error| error.to_string());
+    #[allow(unused_mut)]
+    let mut devices = Devices { gpu: device()?, paged: device()? };
+    #[cfg(feature = "gpu")]
+    if let Device::Gpu(gpu) = &mut devices.paged {
+        gpu.set_page_bytes(4096);
+    }
+    Ok(devices)
+}
+
+fn every_kernel_is_compared() -> Outcome {
+    let tested: Vec<_> = TESTS.iter().map(|(name, _)| *name).collect();
+    let kernels: Vec<_> = kernels::ALL.iter().map(|kernel| kernel.name).collect();
+    if tested == kernels { Ok(()) } else { Err(format!("kernels {kernels:?}, twin tests {tested:?}")) }
+}
+
+/// Arithmetic: absolute 1e-6, relative 1e-5.
+const ARITHMETIC: (f32, f32) = (1e-6, 1e-5);
+
+/// Runs a kernel on all devices and compares with the CPU.
+fn compare(
+    what: &str,
+    devices: &Devices,
+    (absolute, relative): (f32, f32),
+    run: impl Fn(&Device) -> chiaro::Result<Vec<[f32; 4]>>,
+) -> Outcome {
+    let run = |device: &Device| run(device).map_err(|error| format!("{what}: {error}"));
+    let cpu = run(&Device::Cpu)?;
+    for (which, device) in [("GPU", &devices.gpu), ("GPU in pages", &devices.paged)] {
+        same(&run(device)?, &cpu, absolute, relative).map_err(|found| format!("{what}, {which}: {found}"))?;
+    }
+    Ok(())
+}
+
+/// Equal within tolerance; NaN equals NaN, infinities equal themselves.
+fn same(gpu: &[[f32; 4]], cpu: &[[f32; 4]], absolute: f32, relative: f32) -> Outcome {
+    if gpu.len() != cpu.len() {
+        return Err(format!("{} elements, CPU {}", gpu.len(), cpu.len()));
+    }
+    for (i, (gpu, cpu)) in gpu.iter().zip(cpu).enumerate() {
+        for (c, (a, b)) in gpu.iter().zip(cpu).enumerate() {
+            let close = a == b || (a.is_nan() && b.is_nan()) || (a - b).abs() <= absolute + relative * b.abs();
+            if !close || (a.is_infinite() != b.is_infinite()) {
+                return Err(format!("element {i}.{c} is {a:e}, CPU {b:e}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn the_comparer_can_fail() -> Outcome {
+    let good = Random(1).light(100);
+    same(&good, &good, ARITHMETIC.0, ARITHMETIC.1)?;
+    let spoil: [fn(f32) -> f32; 4] = [|x| x + 3e-5, |_| f32::NAN, |_| f32::INFINITY, |x| -x];
+    for (i, spoil) in spoil.iter().enumerate() {
+        let mut bad = good.clone();
+        bad[57][2] = spoil(bad[57][2]);
+        if same(&bad, &good, ARITHMETIC.0, ARITHMETIC.1).is_ok()
+            || same(&good, &bad, ARITHMETIC.0, ARITHMETIC.1).is_ok()
+        {
+            return Err(format!("perturbation {i} passed"));
+        }
+    }
+    if same(&good[1..], &good, 1.0, 1.0).is_ok() {
+        return Err("a missing element passed".to_owned());
+    }
+    Ok(())
+}
+
+/// A small generator (xorshift), so that every run sees the same inputs.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        ((self.0 >> 32) * end as u64 >> 32) as usize
+    }
+
+    /// In [0, 1).
+    fn unit(&mut self) -> f32 {
+        self.below(1 << 24) as f32 / (1 << 24) as f32
+    }
+
+    fn light(&mut self, count: usize) -> Vec<[f32; 4]> {
+        (0..count).map(|_| std::array::from_fn(|_| 0.001 + 2.0 * self.unit())).collect()
+    }
+
+    /// Light with an ugly value in every seventh element.
+    fn ugly(&mut self, count: usize, ugly: &[f32]) -> Vec<[f32; 4]> {
+        let mut light = self.light(count);
+        for value in light.iter_mut().step_by(7) {
+            value[self.below(4)] = ugly[self.below(ugly.len())];
+        }
+        light
+    }
+}
+
+/// Values that stay finite under sums of a few hundred.
+const UGLY: [f32; 8] = [0.0, -0.0, 1e-40, -1e-40, f32::MIN_POSITIVE, 65504.0, -1.0, 1e-7];
+const UGLIER: [f32; 6] = [f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 0.0, -0.0, 65504.0];
+
+fn haar(devices: &Devices) -> Outcome {
+    let mut random = Random(11);
+    for (length, count) in [(1, 1), (1, 3), (2, 1), (8, 5), (256, 1), (512, 3), (1 << 16, 1), (1 << 17, 2)] {
+        for values in [random.light(length * count), random.ugly(length * count, &UGLY)] {
+            // Averages of large values leave small ones that are off by the rounding of the large.
+            let tolerance = if length > 1 { (65504.0 * 1e-6, 1e-5) } else { ARITHMETIC };
+            compare(&format!("{length} x {count}"), devices, tolerance, |device| haar_encode(device, &values, count))?;
+        }
+        let values = random.light(length * count);
+        compare(&format!("plain {length} x {count}"), devices, ARITHMETIC, |device| {
+            haar_encode(device, &values, count)
+        })?;
+    }
+    let values = random.ugly(64, &UGLIER);
+    compare("infinities", devices, (65504.0 * 1e-6, 1e-5), |device| haar_encode(device, &values, 1))
+}
+
+fn pyramids(devices: &Devices) -> Outcome {
+    let mut random = Random(12);
+    for (length, count) in [(1, 1), (1, 3), (2, 1), (8, 5), (256, 1), (512, 3), (1 << 16, 1), (1 << 17, 2)] {
+        for ugly in [&UGLY[..], &UGLIER] {
+            let leaves = random.ugly(length * count, ugly);
+            compare(&format!("{length} x {count}"), devices, ARITHMETIC, |device| {
+                average_pyramid(device, &leaves, count)
+            })?;
+        }
+    }
+    Ok(())
+}
+
+fn products(devices: &Devices) -> Outcome {
+    let mut random = Random(13);
+    for (rows, index_bits, signed, most) in [
+        (1, 1, true, 2),
+        (1, 1, false, 1),
+        (37, 3, false, 9),
+        (300, 16, true, 200),
+        (1001, 17, false, 90),
+        (5, 10, true, 3000),
+    ] {
+        let format = EntryFormat::new(index_bits, signed).map_err(|error| error.to_string())?;
+        let columns = format.columns();
+        let lists: Vec<Vec<(u32, f32)>> = (0..rows)
+            .map(|row| {
+                // Some rows are empty; the weights of a row add up to about 1.
+                let length = if row % 5 == 3 { 0 } else { 1 + random.below(most) };
+                (0..length)
+                    .map(|_| {
+                        let sign = if signed && random.below(3) == 0 { -1.0 } else { 1.0 };
+                        (random.below(columns) as u32, sign * random.unit() * 2.0 / length as f32)
+                    })
+                    .collect()
+            })
+            .collect();
+        let matrix =
+            SparseRows::from_rows(format, lists.iter().map(Vec::as_slice)).map_err(|error| error.to_string())?;
+        for count in 1..=6 {
+            let what = format!("{rows} rows, {index_bits} bits, {count} vectors");
+            let vectors = random.light(columns * count);
+            compare(&what, devices, ARITHMETIC, |device| sparse_product(device, &matrix, &vectors, count))?;
+            let vectors = random.ugly(columns * count, &UGLIER);
+            // Terms of 65504 cancel: what is left is off by their rounding.
+            let tolerance = (65504.0 * 1e-6, 1e-5);
+            compare(&what, devices, tolerance, |device| sparse_product(device, &matrix, &vectors, count))?;
+        }
+    }
+    Ok(())
+}
+
+fn interpolation(devices: &Devices) -> Outcome {
+    let mut random = Random(14);
+    for (samples, rows, count) in [(0, 3, 1), (1, 1, 1), (63, 5, 1), (1000, 77, 3), (20_001, 3000, 4)] {
+        let indices: Vec<[u32; 4]> = (0..samples).map(|_| std::array::from_fn(|_| random.below(rows) as u32)).collect();
+        let weights: Vec<[f32; 4]> =
+            (0..samples).map(|n| std::array::from_fn(|j| if j > n % 4 { 0.0 } else { random.unit() })).collect();
+        let (indices, weights) = (Array::from(indices), Array::from(weights));
+        for ugly in [&UGLY[..], &UGLIER] {
+            let light = random.ugly(rows * count, ugly);
+            compare(&format!("{samples} samples, {rows} rows"), devices, ARITHMETIC, |device| {
+                interpolate(device, &indices, &weights, &light, count)
+            })?;
+        }
+    }
+    Ok(())
+}
+
+fn edits(devices: &Devices) -> Outcome {
+    let mut random = Random(15);
+    for (samples, count, length) in [(1, 1, 0), (1, 1, 1), (65, 3, 4), (1009, 40, 5), (5000, 8, 12)] {
+        let list: Vec<ColourEdit> = (0..length)
+            .map(|e| {
+                let columns: [Vec3; 3] =
+                    std::array::from_fn(|_| Vec3::from_array(std::array::from_fn(|_| random.unit())));
+                let knot = |i| Knot::new(i as f32 * 0.7, random.unit(), 2.0 * random.unit() - 0.5);
+                let curve = (0..e % 4).map(knot).collect();
+                ColourEdit {
+                    atoms: ColourEdit::mask((0..count).filter(|_| random.below(2) == 0)),
+                    matrix: Mat3::from_cols_array_2d(&columns.map(|column| column.to_array())),
+                    curve,
+                    receiver: (e % 3 != 0)
+                        .then(|| (0..samples).map(|n| [0.0, 1.0, random.unit()][n % 3]).collect::<Vec<_>>().into()),
+                }
+            })
+            .collect();
+        let what = format!("{samples} samples, {count} atoms, {length} edits");
+        let atoms = random.light(samples * count);
+        compare(&what, devices, ARITHMETIC, |device| colour_edits(device, &atoms, count, &list))?;
+        let atoms = random.ugly(samples * count, &[0.0, -0.0, 1e-40, f32::MIN_POSITIVE, 65504.0]);
+        compare(&what, devices, ARITHMETIC, |device| colour_edits(device, &atoms, count, &list))?;
+    }
+    Ok(())
+}
+
+fn tones(devices: &Devices) -> Outcome {
+    let mut random = Random(16);
+    for count in [0, 1, 63, 64, 4097] {
+        for operator in [Operator::None, Operator::Reinhard, Operator::Neutral] {
+            for (exposure, white) in [(0.0, 4.0), (-3.5, 1.0), (2.25, f32::INFINITY)] {
+                let pixels = random.ugly(count, &UGLY);
+                compare(&format!("{operator:?}, {count} pixels"), devices, ARITHMETIC, |device| {
+                    tone_map(device, &pixels, operator, exposure, white)
+                })?;
+            }
+        }
+    }
+    Ok(())
+}
