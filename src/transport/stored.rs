@@ -28,7 +28,8 @@ impl Stored for Samples {
     }
 
     fn read(sections: &mut SectionReader) -> Option<Self> {
-        let View { size: [width, height, across, down], name, position, world_from_camera, fov_y } = sections.value()?;
+        let View { size: [width, height, across, down], name, position, world_from_camera, fov_y } =
+            sections.value()?;
         let (points, barycentrics) = (sections.vec()?, sections.vec()?);
         let count = [height, across, down].into_iter().try_fold(width, usize::checked_mul)?;
         let camera = Camera { name, position, world_from_camera, fov_y };
@@ -102,6 +103,15 @@ impl Stored for Transfer {
             && rows.columns() == 1 << basis.index_bits(count)
             && indices.len() == samples.points.len()
             && weights.len() == indices.len();
-        fits.then(|| Self { samples, gather, basis, rows, indices: indices.into(), weights: weights.into(), between, bounces })
+        fits.then(|| Self {
+            samples,
+            gather,
+            basis,
+            rows,
+            indices: indices.into(),
+            weights: weights.into(),
+            between,
+            bounces,
+        })
     }
 }
