@@ -126,6 +126,10 @@ fn nudged(hit: Hit, edge_u: vec3<f32>, edge_v: vec3<f32>, by: vec3<f32>) -> vec2
     let du = dot(by, edge_u);
     let dv = dot(by, edge_v);
     let determinant = uu * vv - uv * uv;
+    // A sliver has no room to move in.
+    if !(determinant > 1e-6 * uu * vv) {
+        return vec2<f32>(hit.u, hit.v);
+    }
     let u = clamp(hit.u + (du * vv - dv * uv) / determinant, 0.0, 1.0);
     let v = clamp(hit.v + (dv * uu - du * uv) / determinant, 0.0, 1.0 - u);
     return vec2(u, v);

@@ -217,6 +217,10 @@ fn nudged(geometry: &Geometry, hit: &Hit, by: Vec3) -> (f32, f32) {
     let (uu, uv, vv) = (edge_u.dot(edge_u), edge_u.dot(edge_v), edge_v.dot(edge_v));
     let (du, dv) = (by.dot(edge_u), by.dot(edge_v));
     let determinant = uu * vv - uv * uv;
+    // A sliver has no room to move in.
+    if !(determinant > 1e-6 * uu * vv) {
+        return (hit.u, hit.v);
+    }
     let u = (hit.u + (du * vv - dv * uv) / determinant).clamp(0.0, 1.0);
     let v = (hit.v + (dv * uu - du * uv) / determinant).clamp(0.0, 1.0 - u);
     (u, v)
