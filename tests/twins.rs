@@ -9,6 +9,7 @@ use chiaro::kernels::colour_edits::{ColourEdit, Knot};
 use chiaro::kernels::direct_light::{View, direct_light};
 use chiaro::kernels::primary_visibility::primary_visibility;
 use chiaro::kernels::tone_map::Operator;
+use chiaro::kernels::transfer_points::transfer_points;
 use chiaro::kernels::transfer_rows::transfer_rows;
 use chiaro::kernels::{self, average_pyramid, colour_edits, haar_encode, interpolate, sparse_product, tone_map};
 use chiaro::scene::{Camera, Light, LightKind, Scene, SurfacePoint, builtin, light};
@@ -37,6 +38,7 @@ const TESTS: &[(&str, Test)] = &[
     ("primary_visibility", views),
     ("sparse_product", products),
     ("tone_map", tones),
+    ("transfer_points", pairs),
     ("transfer_rows", rows),
 ];
 
@@ -421,6 +423,23 @@ fn lights(devices: &Devices) -> Outcome {
                 nearly_all("highlights", &gpu.highlight, &cpu.highlight, |a, b| close(a, b)).map_err(named)?;
             }
         }
+    }
+    Ok(())
+}
+
+fn pairs(devices: &Devices) -> Outcome {
+    let scene = room();
+    let points = seen(&scene, 13, 11);
+    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
+        .map_err(|error| error.to_string())?;
+    let run = |device| transfer_points(device, &scene.geometry, &gather, &points).map_err(|error| error.to_string());
+    let cpu = run(&Device::Cpu)?;
+    if cpu.weights.iter().all(|&weight| weight == 0.0) {
+        return Err("no sample is seen, so nothing was compared".to_owned());
+    }
+    for device in [&devices.gpu, &devices.paged] {
+        let wide = |weights: &[f32]| weights.iter().map(|&w| [w; 4]).collect::<Vec<_>>();
+        nearly_all("weights", &wide(&run(device)?.weights), &wide(&cpu.weights), |a, b| close(a, b))?;
     }
     Ok(())
 }
