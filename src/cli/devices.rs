@@ -10,9 +10,11 @@ pub struct Args {}
 impl Args {
     pub fn run(self) -> Result<u8> {
         let devices = device::list();
-        let width = devices.iter().map(|(name, ..)| name.chars().count()).max().unwrap_or(0);
-        for (name, kind, detail) in devices {
-            print(&format!("{name:width$}  {kind:12}  {detail}\n"));
+        let width = devices.iter().map(|device| device.name.chars().count()).max().unwrap_or(0);
+        for device in devices {
+            let marks = [device.kind, &device.backend, &device.driver, if device.automatic { "(auto)" } else { "" }];
+            let marks: Vec<&str> = marks.into_iter().filter(|mark| !mark.is_empty()).collect();
+            print(&format!("{:width$}  {}\n", device.name, marks.join(", ")));
         }
         Ok(0)
     }

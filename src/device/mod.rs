@@ -60,19 +60,6 @@ impl Device {
             Self::Gpu(gpu) => format!("GPU {}", gpu.name()),
         }
     }
-
-    /// What a report calls it.
-    pub fn name(&self) -> String {
-        match self {
-            Self::Cpu => "cpu".to_owned(),
-        }
-    }
-}
-
-/// All devices of this machine: name, kind (`cpu`, `gpu`, `software gpu`), detail.
-pub fn list() -> Vec<(String, String, String)> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    vec![("cpu".into(), "cpu".into(), format!("{threads} threads, {}", std::env::consts::ARCH))]
 }
 
 /// One line of `chiaro devices`.

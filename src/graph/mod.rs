@@ -6,6 +6,7 @@ pub mod document;
 pub mod migrate;
 pub mod names;
 pub mod plan;
+mod pretty;
 pub mod problem;
 pub mod schema;
 pub mod source;
