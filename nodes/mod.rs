@@ -10,6 +10,7 @@ pub mod pick;
 pub mod read_image;
 pub mod relight;
 pub mod scene;
+pub mod tone_map;
 pub mod transfer;
 pub mod view_samples;
 pub mod write_image;
@@ -29,6 +30,7 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),
     NodeType::of::<grade::Grade>(),
+    NodeType::of::<tone_map::ToneMap>(),
     NodeType::of::<compare::Compare>(),
 ];
 

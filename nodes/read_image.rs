@@ -41,10 +41,8 @@ impl Node for ReadImage {
         let path = job.path(&frame_path(&self.file, job.frame));
         let wanted = [self.layer.as_str()];
         let mut image = load::load(&path, (!self.layer.is_empty()).then_some(&wanted))?;
-        if let [layer] = &mut image.layers[..] {
-            if !self.layer.is_empty() {
-                layer.name = String::new();
-            }
+        if !self.layer.is_empty() {
+            image.layers[0].name = String::new();
         }
         let not_finite = |layer: &crate::image::Layer| layer.data.iter().filter(|value| !value.is_finite()).count();
         for (layer, count) in

@@ -34,7 +34,7 @@ impl Kind {
 
     /// `Value::write` can keep it on disk.
     pub fn is_storable(self) -> bool {
-        matches!(self, Self::Image)
+        matches!(self, Self::Image | Self::Transfer)
     }
 }
 
@@ -79,6 +79,7 @@ impl Value {
     pub fn write<'a>(&'a self, sections: &mut SectionWriter<'a>) {
         match self {
             Self::Image(image) => image.write(sections),
+            Self::Transfer(transfer) => transfer.write(sections),
             other => panic!("{:?} is not storable", other.kind()),
         }
     }
@@ -87,6 +88,7 @@ impl Value {
     pub fn read(kind: Kind, sections: &mut SectionReader) -> Option<Self> {
         match kind {
             Kind::Image => Image::read(sections).map(|image| Self::Image(Arc::new(image))),
+            Kind::Transfer => Transfer::read(sections).map(|transfer| Self::Transfer(Arc::new(transfer))),
             _ => None,
         }
     }

@@ -3,6 +3,7 @@
 use chiaro::Error;
 use chiaro::image::exr_write::Depth;
 use chiaro::image::{Content, Image, Layer, exr_read, exr_write, load, png};
+use e::Compression as C;
 use exr::prelude::{self as e, Vec2, WritableImage};
 use std::path::Path;
 
@@ -229,17 +230,27 @@ fn names_of_other_programs() {
 }
 
 /// Changed copies of each file; more of them when looking for trouble.
-const ROUNDS: usize = 600;
+const ROUNDS: usize = 100;
 
 #[test]
 fn damaged_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
     exr_write::write(&path, &sample(33, 40), Depth::Half, &[("chiaro:recipe", "{}")]).unwrap();
-    let mut parts = vec![part("a", (-3, 2), (20, 30), &[("R", "half"), ("G", "half"), ("B", "half")])];
-    parts.push(part("b", (0, 0), (20, 20), &[("Z", "float")]));
-    let other = folder.path().join("b.exr");
-    write_parts(&other, e::IntegerBounds::new((0, 0), (20, 20)), parts);
+    let mut files = vec![std::fs::read(&path).unwrap()];
+    for compression in
+        [C::Uncompressed, C::RLE, C::ZIP1, C::PIZ, C::PXR24, C::B44, C::B44A, C::DWAA(None), C::DWAB(None)]
+    {
+        for blocks in [e::Blocks::ScanLines, e::Blocks::Tiles(Vec2(16, 16))] {
+            let mut parts = vec![part("a", (-3, 2), (20, 30), &[("R", "half"), ("G", "half"), ("B", "half")])];
+            parts.push(part("b", (0, 0), (20, 20), &[("Z", "float"), ("id", "uint")]));
+            for part in &mut parts {
+                part.encoding = e::Encoding { compression, blocks, line_order: e::LineOrder::Increasing };
+            }
+            write_parts(&path, e::IntegerBounds::new((0, 0), (20, 20)), parts);
+            files.push(std::fs::read(&path).unwrap());
+        }
+    }
     let picture = folder.path().join("a.png");
     png::write(&picture, layer(&sample(33, 40), "indirect"), 33).unwrap();
 
@@ -249,9 +260,9 @@ fn damaged_files_are_refused() {
         load::load(&hurt, None).err()
     };
     let mut next = random(7);
-    for whole in [&path, &other].map(|path| std::fs::read(path).unwrap()) {
+    for whole in files {
         assert!(attempt(&whole).is_none());
-        for _ in 0..150 {
+        for _ in 0..40 {
             let length = (next() * whole.len() as f32) as usize;
             let error = attempt(&whole[..length]).unwrap_or_else(|| panic!("{length} bytes of {}", whole.len()));
             assert!(matches!(error, Error::File { .. }) && error.to_string().contains("hurt.exr"), "{error}");
@@ -276,6 +287,17 @@ fn damaged_files_are_refused() {
     }
     assert_eq!(load::load(&folder.path().join("none.exr"), None).unwrap_err().exit_code(), 3);
     assert_eq!(load::load(folder.path(), None).unwrap_err().exit_code(), 3);
+}
+
+#[test]
+fn fuzzed_files_are_refused() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/fuzzed");
+    let pictures = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let pictures: Vec<_> = pictures.filter(|path| load::extension(path) == "exr").collect();
+    assert!(!pictures.is_empty());
+    for path in pictures {
+        assert_eq!(load::load(&path, None).unwrap_err().exit_code(), 3, "{}", path.display());
+    }
 }
 
 #[test]

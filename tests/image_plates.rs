@@ -3,6 +3,7 @@
 mod support;
 
 use chiaro::image::cryptomatte::{self, Cryptomatte};
+use chiaro::image::exr_write::{self, Depth};
 use chiaro::image::{Content, compare, exr_read};
 
 const PLATES: [&str; 8] = [
@@ -90,5 +91,21 @@ fn environment_above_half_is_read() {
         assert_eq!((image.width, image.height), (1024, 512));
         let peak = image.layer("").unwrap().data.iter().fold(0.0f32, |peak, &v| peak.max(v));
         assert!((64_000.0..66_000.0).contains(&peak), "peak {peak}");
+    }
+}
+
+#[test]
+fn a_matte_travels_with_its_layers() {
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("copy.exr");
+    for path in support::all_data("a_matte_travels_with_its_layers", &PLATES[..1]) {
+        let wanted = ["Combined", "CryptoObject00", "CryptoObject01", "CryptoObject02"];
+        let image = exr_read::read_layers(&path, &wanted).unwrap();
+        exr_write::write(&copy, &image, Depth::Half, &[]).unwrap();
+        let [old, new] = [&path, &copy].map(|path| Cryptomatte::read(path, "CryptoObject").unwrap());
+        assert_eq!((new.whole(0.99), &new.manifest), (old.whole(0.99), &old.manifest));
+        let metadata = exr_read::read(&copy).unwrap().metadata;
+        let mattes = metadata.iter().filter(|(name, _)| name.starts_with("cryptomatte/") && name.ends_with("/name"));
+        assert_eq!(mattes.map(|(_, name)| name.as_str()).collect::<Vec<_>>(), ["ViewLayer.CryptoObject"]);
     }
 }

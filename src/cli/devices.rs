@@ -11,10 +11,10 @@ impl Args {
     pub fn run(self) -> Result<u8> {
         let devices = device::list();
         let width = devices.iter().map(|device| device.name.chars().count()).max().unwrap_or(0);
-        for device in devices {
-            let marks = [device.kind, &device.backend, &device.driver, if device.automatic { "(auto)" } else { "" }];
-            let marks: Vec<&str> = marks.into_iter().filter(|mark| !mark.is_empty()).collect();
-            print(&format!("{:width$}  {}\n", device.name, marks.join(", ")));
+        for device::Description { name, kind, backend, driver, automatic } in devices {
+            let taken = if automatic { "  (taken by --device auto)" } else { "" };
+            let line = format!("{name:width$}  {kind:8}  {backend} {driver}");
+            print(&format!("{}{taken}\n", line.trim_end()));
         }
         Ok(0)
     }

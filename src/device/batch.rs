@@ -57,30 +57,57 @@ impl<'a> Batch<'a> {
         Ok(())
     }
 
-    /// Submits, waits, and hands the content of `buffer` to `take`.
-    pub fn read<T: Pod, R>(mut self, buffer: &Buffer, take: impl FnOnce(&[T]) -> R) -> Result<R> {
-        let download = self.gpu.memory.buffer(DOWNLOAD, buffer.bytes());
-        self.encoder.copy_buffer_to_buffer(buffer.raw(), 0, download.raw(), 0, buffer.bytes());
+    /// Submits, waits, and gives the content of the buffers.
+    pub fn read<const N: usize>(mut self, buffers: [&Buffer; N]) -> Result<[Download; N]> {
+        let downloads = buffers.map(|buffer| self.gpu.memory.buffer(DOWNLOAD, buffer.bytes()));
+        for (buffer, download) in buffers.iter().zip(&downloads) {
+            self.encoder.copy_buffer_to_buffer(buffer.raw(), 0, download.raw(), 0, buffer.bytes());
+        }
         self.gpu.queue.submit([self.encoder.finish()]);
         let (sender, receiver) = std::sync::mpsc::channel();
-        download.raw().map_async(wgpu::MapMode::Read, 0..buffer.bytes(), move |result| {
-            // The receiver is gone when waiting failed; nobody is interested then.
-            let _ = sender.send(result);
-        });
-        let poll = wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) };
-        let waited = self.gpu.device.poll(poll);
+        for download in &downloads {
+            let sender = sender.clone();
+            download.raw().map_async(wgpu::MapMode::Read, 0..download.bytes(), move |result| {
+                // The receiver is gone when waiting failed; nobody is interested then.
+                let _ = sender.send(result);
+            });
+        }
+        let waited = self.gpu.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
         self.gpu.check()?;
-        let failed = |what: String| {
+        let failed = |what: &dyn std::fmt::Display| {
             Error::device(format!("GPU \"{}\" did not finish: {what}", self.gpu.name()), "use --device cpu")
         };
-        waited.map_err(|error| failed(error.to_string()))?;
-        let mapped = receiver.recv().map_err(|error| failed(error.to_string()))?;
-        mapped.map_err(|error| failed(error.to_string()))?;
-        let result = {
-            let view = download.raw().get_mapped_range(0..buffer.bytes()).map_err(|error| failed(error.to_string()))?;
-            take(bytemuck::cast_slice(&view))
-        };
-        download.raw().unmap();
-        Ok(result)
+        waited.map_err(|error| failed(&error))?;
+        for _ in &downloads {
+            receiver.recv().map_err(|error| failed(&error))?.map_err(|error| failed(&error))?;
+        }
+        let views = downloads.each_ref().map(|download| download.raw().get_mapped_range(0..download.bytes()));
+        let mut buffers = downloads.into_iter();
+        let mut results = Vec::with_capacity(N);
+        for view in views {
+            let buffer = buffers.next().expect("a view of each");
+            results.push(Download { view: Some(view.map_err(|error| failed(&error))?), buffer });
+        }
+        Ok(results.try_into().unwrap_or_else(|_| unreachable!("one result a buffer")))
+    }
+}
+
+/// What a buffer held when its batch was done.
+pub struct Download {
+    /// Taken before the buffer is unmapped.
+    view: Option<wgpu::BufferView>,
+    buffer: Buffer,
+}
+
+impl Download {
+    pub fn get<T: Pod>(&self) -> &[T] {
+        self.view.as_ref().map_or(&[], |view| bytemuck::cast_slice(view))
+    }
+}
+
+impl Drop for Download {
+    fn drop(&mut self) {
+        self.view = None;
+        self.buffer.raw().unmap();
     }
 }

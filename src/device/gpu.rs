@@ -129,6 +129,11 @@ impl Gpu {
         self.memory.array(array, range)
     }
 
+    /// All of an array.
+    pub fn whole<T: Pod>(&self, array: &Array<T>) -> Buffer {
+        self.memory.array(array, 0..array.len())
+    }
+
     pub fn batch(&self) -> Batch<'_> {
         Batch::new(self)
     }

@@ -4,7 +4,7 @@
 //! `smooth` leaves and enters every key at rest: `t² (3 - 2 t)` of the way, so it never overshoots. Before the first
 //! key and after the last their values hold. At a key the value is the key's, exactly.
 
-use super::names::suggest;
+use crate::names::suggest;
 use super::source::child;
 use serde_json::{Map, Value as Json};
 

@@ -2,7 +2,7 @@
 //! types (see `plan`).
 
 use super::migrate;
-use super::names::suggest;
+use crate::names::suggest;
 use super::pretty;
 use super::problem::Problem;
 use super::source::{Part, Source, child};

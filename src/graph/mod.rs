@@ -4,7 +4,6 @@ pub mod check;
 pub mod curve;
 pub mod document;
 pub mod migrate;
-pub mod names;
 pub mod plan;
 mod pretty;
 pub mod problem;

@@ -3,7 +3,7 @@
 use super::check::{Checker, ParamChecker};
 use super::curve::{self, Complaint, Curve};
 use super::document::{Document, NodeEntry};
-use super::names::suggest;
+use crate::names::suggest;
 use super::problem::{Problem, summary};
 use super::source::{Part, child};
 use crate::params::{AnyNode, NodeType};

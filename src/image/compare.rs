@@ -55,7 +55,7 @@ fn check(a: &Layer, b: &Layer, width: usize) -> Result<Vec<(usize, usize)>> {
         let pixels = layer.data.len() / layer.channels.len().max(1);
         (width, pixels / width.max(1))
     };
-    if size(a) != size(b) || a.data.is_empty() || a.data.len() % (width.max(1) * a.channels.len()) != 0 {
+    if size(a) != size(b) || a.data.is_empty() || !a.data.len().is_multiple_of(width * a.channels.len()) {
         let ((w, h), (_, other)) = (size(a), size(b));
         let message = format!("layers of {w} x {h} and {w} x {other} pixels cannot be compared");
         return Err(Error::compute(message, "compare pictures of one size, of at least one pixel"));

@@ -7,9 +7,9 @@
 use super::{Content, Image, Layer, names};
 use crate::{Error, Result};
 use exr::block::UncompressedBlock;
-use exr::block::chunk::Chunk;
+use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::block::reader::Reader;
-use exr::meta::attribute::{AttributeValue, IntegerBounds, SampleType};
+use exr::meta::attribute::{AttributeValue, Compression, IntegerBounds, SampleType};
 use exr::meta::{MetaData, header::Header};
 use exr::prelude::f16;
 use rayon::prelude::*;
@@ -114,7 +114,10 @@ impl ExrFile {
             }
             let blocks = batch
                 .into_par_iter()
-                .map(|chunk| UncompressedBlock::decompress_chunk(chunk, &meta, false).map_err(failed))
+                .map(|chunk| {
+                    check_chunk(path, &chunk, &meta)?;
+                    UncompressedBlock::decompress_chunk(chunk, &meta, false).map_err(failed)
+                })
                 .collect::<Result<Vec<_>>>()?;
             plans.par_iter().zip(&mut buffers).for_each(|(plan, buffer)| {
                 for block in &blocks {
@@ -234,7 +237,9 @@ fn metadata(path: &Path, headers: &[Header]) -> Vec<(String, String)> {
             }
         }
     }
+    // These say how this file is built, not what it shows.
     found.remove("colorInteropID");
+    found.remove("BlenderMultiChannel");
     found.into_iter().collect()
 }
 
@@ -266,6 +271,33 @@ fn check_size(path: &Path, what: &str, window: IntegerBounds, file_bytes: u64, s
     if pixels == 0 || pixels > MAX_PIXELS || pixels > plausible {
         let message = format!("{what} of {} x {} pixels in a file of {file_bytes} bytes", window.size.0, window.size.1);
         return Err(Error::file(path, message, "the header is damaged, or the picture is larger than 2^28 pixels"));
+    }
+    Ok(())
+}
+
+/// A DWA chunk begins with eleven counters, which the exr crate takes at their word when it asks for memory.
+fn check_chunk(path: &Path, chunk: &Chunk, meta: &MetaData) -> Result<()> {
+    let bytes = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        _ => return Ok(()),
+    };
+    let Some(header) = meta.headers.get(chunk.layer_index) else { return Ok(()) };
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Ok(());
+    }
+    let place = header.get_block_data_indices(&chunk.compressed_block);
+    let place = place.and_then(|tile| header.get_absolute_block_pixel_coordinates(tile));
+    let size = place.map_err(|error| explain(path, error))?.size;
+    if bytes.len() == size.area() * header.channels.bytes_per_pixel {
+        return Ok(()); // did not get smaller, and so is stored as it was
+    }
+    // Blocks are padded to 8 x 8 pixels; nothing in one takes more than twice its bytes.
+    let padded = (size.0 as u64 + 8) * (size.1 as u64 + 8);
+    let limit = 2 * padded * header.channels.bytes_per_pixel as u64 + 4096;
+    let counters = bytes.as_chunks::<8>().0.iter().take(11).map(|bytes| u64::from_le_bytes(*bytes));
+    if counters.max().is_some_and(|most| most > limit) {
+        return Err(Error::file(path, "damaged: a DWA block says that it is larger than it can be", "write it again"));
     }
     Ok(())
 }

@@ -129,6 +129,7 @@ fn header(image: &Image, channels: &[Channel], attributes: &[(&str, &str)]) -> H
     let mut own = LayerAttributes::default();
     let interop = [("colorInteropID", "lin_rec709_scene")];
     let metadata = image.metadata.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+    let metadata = metadata.filter(|(name, _)| !names_missing_matte(image, name));
     for (name, value) in metadata.chain(interop).chain(attributes.iter().copied()) {
         own.other.insert(text(name), AttributeValue::Text(text(value)));
     }
@@ -143,6 +144,16 @@ fn header(image: &Image, channels: &[Channel], attributes: &[(&str, &str)]) -> H
         .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
         .with_shared_attributes(shared)
         .with_attributes(own)
+}
+
+/// Whether an attribute `cryptomatte/<key>/...` belongs to a matte that is not in the picture any more.
+fn names_missing_matte(image: &Image, attribute: &str) -> bool {
+    let Some((key, _)) = attribute.strip_prefix("cryptomatte/").and_then(|rest| rest.split_once('/')) else {
+        return false;
+    };
+    let name = format!("cryptomatte/{key}/name");
+    let matte = image.metadata.iter().find(|(other, _)| *other == name);
+    matte.is_none_or(|(_, matte)| image.layer(&format!("{matte}00")).is_none())
 }
 
 /// UTF-8, which `Text::from` would refuse above Latin-1.

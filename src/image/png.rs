@@ -21,7 +21,7 @@ pub fn write(path: &Path, layer: &Layer, width: usize) -> Result<Vec<String>> {
     };
     let pixels = layer.data.len() / stride;
     let failed = |message: String| Error::output(path, message, "check the size of the picture");
-    if width == 0 || pixels == 0 || pixels % width != 0 {
+    if width == 0 || pixels == 0 || !pixels.is_multiple_of(width) {
         return Err(failed(format!("layer \"{}\" holds {pixels} pixels in rows of {width}", layer.title())));
     }
     let mut bytes = vec![0u8; layer.data.len()];

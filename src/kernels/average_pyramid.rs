@@ -86,7 +86,8 @@ fn gpu(gpu: &Gpu, leaves: &[[f32; 4]], length: usize) -> Result<Vec<[f32; 4]>> {
             }
             level = ancestors;
         }
-        batch.read(&pyramid, |page| result.extend_from_slice(page))?;
+        let [page] = batch.read([&pyramid])?;
+        result.extend_from_slice(page.get());
     }
     Ok(result)
 }

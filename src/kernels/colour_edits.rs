@@ -142,15 +142,15 @@ fn check(edit: &ColourEdit, samples: usize, count: usize) -> std::result::Result
     if let Some(receiver) = edit.receiver.as_ref().filter(|receiver| receiver.len() != samples) {
         return Err(format!("{} receiver weights for {samples} samples", receiver.len()));
     }
-    if let Some(at) = edit.curve.windows(2).position(|pair| !(pair[0].x < pair[1].x)) {
+    if edit.curve.iter().any(|knot| !(knot.x.is_finite() && knot.y.is_finite() && knot.slope.is_finite())) {
+        return Err("a knot of its curve is not finite".to_owned());
+    }
+    if let Some(at) = edit.curve.windows(2).position(|pair| pair[0].x >= pair[1].x) {
         return Err(format!(
             "knot {} of its curve, at {}, is not right of the one before",
             at + 2,
             edit.curve[at + 1].x
         ));
-    }
-    if edit.curve.iter().any(|knot| !(knot.x.is_finite() && knot.y.is_finite() && knot.slope.is_finite())) {
-        return Err("a knot of its curve is not finite".to_owned());
     }
     Ok(())
 }
@@ -205,7 +205,8 @@ fn gpu(gpu: &Gpu, atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[Col
         let mut batch = gpu.batch();
         let buffers = [&packed, &masks, &knots, &weights, &light, &totals];
         batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(64))?;
-        batch.read(&totals, |page| out.extend_from_slice(page))?;
+        let [page] = batch.read([&totals])?;
+        out.extend_from_slice(page.get());
     }
     Ok(out)
 }

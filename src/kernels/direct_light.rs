@@ -6,9 +6,14 @@
 //! Output: N x RGB irradiance (W/m², fourth component 0), and where materials are given, N x RGB radiance that
 //! a GGX highlight (Walter et al. 2007, Schlick's Fresnel) sends to the eye.
 
+#[cfg(feature = "gpu")]
+use super::{RAYS, pages};
 use crate::Result;
-use crate::device::{Array, Device};
-use crate::scene::bvh::Ray;
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
+use crate::device::kernel::uniform;
+use crate::device::{Array, Binding, Device, Kernel};
+use crate::scene::bvh::{Facet, Node, Ray};
 use crate::scene::light::{Emitter, LightRecord};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::sampling;
@@ -22,20 +27,47 @@ pub const SPOT: u32 = 1;
 pub const DIRECTIONAL: u32 = 2;
 pub const EMITTERS: u32 = 3;
 
-#[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Uniforms {
-    pub light: LightRecord,
-    pub eye: [f32; 3],
-    /// Ray origins are lifted by at least this.
-    pub lift: f32,
-    pub points: u32,
-    pub emitters: u32,
-    /// Shadow rays a point towards emitting triangles.
-    pub samples: u32,
-    /// 1: also compute highlights.
-    pub highlights: u32,
+uniform! {
+    struct Params {
+        light: LightRecord,
+        eye: [f32; 3],
+        /// Ray origins are lifted by at least this.
+        lift: f32,
+        points: u32,
+        emitters: u32,
+        /// Shadow rays a point towards emitting triangles.
+        samples: u32,
+        /// 1: also compute highlights.
+        highlights: u32,
+        /// Number of a page's first point.
+        first: u32,
+        /// Materials that have a gloss.
+        materials: u32,
+        pad0: u32,
+        pad1: u32,
+    }
 }
+
+pub const KERNEL: Kernel = Kernel {
+    name: "direct_light",
+    shared: &[
+        include_str!("../../shaders/shared/grid.wgsl"),
+        include_str!("../../shaders/shared/bvh.wgsl"),
+        include_str!("../../shaders/shared/sampling.wgsl"),
+    ],
+    source: include_str!("../../shaders/direct_light.wgsl"),
+    workgroup: [64, 1, 1],
+    uniform: Params::UNIFORM,
+    bindings: &[
+        Binding::read::<Node>("nodes"),
+        Binding::read::<Facet>("facets"),
+        Binding::read::<SurfacePoint>("points"),
+        Binding::read::<Emitter>("emitters"),
+        Binding::read::<[f32; 4]>("gloss"),
+        Binding::write::<[f32; 4]>("irradiance"),
+        Binding::write::<[f32; 4]>("highlights"),
+    ],
+};
 
 /// What gives a material its highlight: reflectance at normal incidence, and roughness.
 pub struct View<'a> {
@@ -59,7 +91,7 @@ pub fn direct_light(
     samples: u32,
     view: Option<&View>,
 ) -> Result<Lit> {
-    let uniforms = Uniforms {
+    let params = Params {
         light: *light,
         eye: view.map_or(Vec3::ZERO, |view| view.eye).to_array(),
         lift: geometry.lift(),
@@ -67,25 +99,25 @@ pub fn direct_light(
         emitters: emitters.len() as u32,
         samples,
         highlights: view.is_some().into(),
+        first: 0,
+        materials: view.map_or(0, |view| view.gloss.len()) as u32,
+        pad0: 0,
+        pad1: 0,
     };
     match device {
-        Device::Cpu => Ok(cpu(geometry, points, &uniforms, emitters, view.map_or(&[], |view| &view.gloss[..]))),
+        Device::Cpu => Ok(cpu(geometry, points, &params, emitters, view.map_or(&[], |view| &view.gloss[..]))),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => self::gpu(gpu, geometry, points, &params, emitters, view.map(|view| view.gloss)),
     }
 }
 
-fn cpu(
-    geometry: &Geometry,
-    points: &[SurfacePoint],
-    uniforms: &Uniforms,
-    emitters: &[Emitter],
-    gloss: &[[f32; 4]],
-) -> Lit {
+fn cpu(geometry: &Geometry, points: &[SurfacePoint], params: &Params, emitters: &[Emitter], gloss: &[[f32; 4]]) -> Lit {
     let mut irradiance = vec![[0.0; 4]; points.len()];
-    let mut highlight = vec![[0.0; 4]; if uniforms.highlights == 1 { points.len() } else { 0 }];
+    let mut highlight = vec![[0.0; 4]; if params.highlights == 1 { points.len() } else { 0 }];
     const TILE: usize = 1024;
     let shade = |index: usize, point: &SurfacePoint| {
         let gloss = gloss.get(point.material as usize);
-        shade(geometry, uniforms, emitters, gloss, point, index as u32)
+        shade(geometry, params, emitters, gloss, point, index as u32)
     };
     if highlight.is_empty() {
         irradiance.par_chunks_mut(TILE).enumerate().for_each(|(tile, out)| {
@@ -108,10 +140,49 @@ fn cpu(
     Lit { irradiance, highlight }
 }
 
+#[cfg(feature = "gpu")]
+fn gpu(
+    gpu: &Gpu,
+    geometry: &Geometry,
+    points: &Array<SurfacePoint>,
+    params: &Params,
+    emitters: &Array<Emitter>,
+    gloss: Option<&Array<[f32; 4]>>,
+) -> Result<Lit> {
+    let mut lit = Lit { irradiance: Vec::with_capacity(points.len()), highlight: Vec::new() };
+    let rays = if params.light.kind == EMITTERS { params.samples.max(1) as usize } else { 1 };
+    let gloss = gloss.map_or_else(|| gpu.upload::<[f32; 4]>(&[]), |gloss| gpu.whole(gloss));
+    for range in pages(points.len(), gpu.page(size_of::<SurfacePoint>()).min((RAYS / rays).max(1))) {
+        let params = Params { points: range.len() as u32, first: range.start as u32, ..*params };
+        let irradiance = gpu.storage::<[f32; 4]>(range.len());
+        let highlights = gpu.storage::<[f32; 4]>(if params.highlights == 1 { range.len() } else { 1 });
+        let buffers = [
+            &gpu.whole(&geometry.bvh.nodes),
+            &gpu.whole(&geometry.bvh.facets),
+            &gpu.array(points, range.clone()),
+            &gpu.whole(emitters),
+            &gloss,
+            &irradiance,
+            &highlights,
+        ];
+        let mut batch = gpu.batch();
+        batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(64))?;
+        if params.highlights == 1 {
+            let [irradiance, highlights] = batch.read([&irradiance, &highlights])?;
+            lit.irradiance.extend_from_slice(irradiance.get());
+            lit.highlight.extend_from_slice(highlights.get());
+        } else {
+            let [page] = batch.read([&irradiance])?;
+            lit.irradiance.extend_from_slice(page.get());
+        }
+    }
+    Ok(lit)
+}
+
 /// Irradiance and highlight radiance of one point.
 fn shade(
     geometry: &Geometry,
-    uniforms: &Uniforms,
+    params: &Params,
     emitters: &[Emitter],
     gloss: Option<&[f32; 4]>,
     point: &SurfacePoint,
@@ -120,7 +191,7 @@ fn shade(
     if !point.exists() {
         return (Vec3::ZERO, Vec3::ZERO);
     }
-    let light = &uniforms.light;
+    let light = &params.light;
     let position = Vec3::from(point.position);
     let intensity = Vec3::from(light.intensity);
     let mut sum = (Vec3::ZERO, Vec3::ZERO);
@@ -130,13 +201,13 @@ fn shade(
         if cosine <= 0.0 || Vec3::from(point.geometric_normal).dot(towards) <= 0.0 || power == Vec3::ZERO {
             return;
         }
-        let origin = sampling::lifted(position, point.geometric_normal.into(), uniforms.lift);
+        let origin = sampling::lifted(position, point.geometric_normal.into(), params.lift);
         if geometry.bvh.any(&Ray { origin, direction: towards, t_max: distance }) {
             return;
         }
         sum.0 += power * cosine;
-        if let (1, Some(gloss)) = (uniforms.highlights, gloss) {
-            let eye = (Vec3::from(uniforms.eye) - position).normalize_or_zero();
+        if let (1, Some(gloss)) = (params.highlights, gloss) {
+            let eye = (Vec3::from(params.eye) - position).normalize_or_zero();
             sum.1 += power * cosine * highlight(point.normal.into(), eye, towards, gloss);
         }
     };
@@ -144,8 +215,8 @@ fn shade(
         DIRECTIONAL => add(-Vec3::from(light.direction), f32::INFINITY, intensity),
         EMITTERS => {
             let shift = sampling::shift(index ^ light.seed);
-            for i in 0..uniforms.samples {
-                let pick = (i as f32 + shift.x) / uniforms.samples as f32;
+            for i in 0..params.samples {
+                let pick = (i as f32 + shift.x) / params.samples as f32;
                 let chosen = emitters.partition_point(|emitter| emitter.cumulative <= pick).min(emitters.len() - 1);
                 let emitter = &emitters[chosen];
                 let before = if chosen > 0 { emitters[chosen - 1].cumulative } else { 0.0 };
@@ -163,7 +234,7 @@ fn shade(
                 let facing = -area_vector.dot(towards) / distance;
                 let facing = if emitter.two_sided == 1 { facing.abs() } else { facing.max(0.0) };
                 // `facing` carries the area; dividing by the chance of this triangle makes the mean right.
-                let weight = facing / (distance * distance * share * uniforms.samples as f32);
+                let weight = facing / (distance * distance * share * params.samples as f32);
                 if weight.is_finite() {
                     add(towards / distance, distance * 0.9999, Vec3::from(emitter.radiance) * weight);
                 }

@@ -95,7 +95,8 @@ fn gpu(gpu: &Gpu, values: &[[f32; 4]], length: usize) -> Result<Vec<[f32; 4]>> {
             // The first column: the averages of the rows.
             (fine, left) = (averages, rows);
         }
-        batch.read(&coefficients, |page| result.extend_from_slice(page))?;
+        let [page] = batch.read([&coefficients])?;
+        result.extend_from_slice(page.get());
     }
     Ok(result)
 }
@@ -161,14 +162,14 @@ mod tests {
             (0..4).for_each(|lane| symbols[4 * four + lane][lane] = 1.0);
             let encoded = haar_encode(&Device::Cpu, &symbols, 1).unwrap();
             for (coefficient, &(first, middle, end, levels)) in encoded.iter().zip(&expected) {
-                for lane in 0..4 {
+                for (lane, found) in coefficient.iter().enumerate() {
                     let symbol = 4 * four + lane;
                     let sign = match symbol {
                         s if (first..middle).contains(&s) => 1.0,
                         s if (middle..end).contains(&s) => -1.0,
                         _ => 0.0,
                     };
-                    let found = coefficient[lane] * 2.0f32.sqrt().powi(levels);
+                    let found = found * 2.0f32.sqrt().powi(levels);
                     assert!((found - sign).abs() < 1e-6, "a_{} in {first}..{middle}..{end}: {found}", symbol + 1);
                 }
             }

@@ -109,7 +109,8 @@ fn gpu(
         let mut batch = gpu.batch();
         let buffers = [&gpu.array(indices, range.clone()), &gpu.array(weights, range.clone()), &light, &part];
         batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(64))?;
-        batch.read(&part, |page| put_columns(&mut out, samples, range, page))?;
+        let [page] = batch.read([&part])?;
+        put_columns(&mut out, samples, range, page.get());
     }
     Ok(out)
 }

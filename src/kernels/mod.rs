@@ -31,10 +31,13 @@ use std::ops::Range;
 pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
     &colour_edits::KERNEL,
+    &direct_light::KERNEL,
     &haar_encode::KERNEL,
     &interpolate::KERNEL,
+    &primary_visibility::KERNEL,
     &sparse_product::KERNEL,
     &tone_map::KERNEL,
+    &transfer_rows::KERNEL,
 ];
 
 /// The length of each of `count` vectors in a slice of `total` elements; `Error::Compute` when it does not divide.
@@ -67,6 +70,10 @@ fn split_columns<const K: usize, T>(data: &mut [T], block: usize) -> Vec<[&mut [
         .map(|_| std::array::from_fn(|k| columns[k].next().expect("every column has as many blocks")))
         .collect()
 }
+
+/// Rays of one dispatch at most: a quarter of a second on a software driver, milliseconds on hardware.
+#[cfg(feature = "gpu")]
+const RAYS: usize = 1 << 20;
 
 /// Consecutive ranges of at most `page` that cover `0..total`.
 #[cfg(feature = "gpu")]

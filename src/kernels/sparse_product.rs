@@ -210,7 +210,8 @@ fn gpu(gpu: &Gpu, rows: &SparseRows, vectors: &[[f32; 4]], products: &mut [[f32;
         ];
         let mut batch = gpu.batch();
         batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(16))?;
-        batch.read(&part, |page| put_columns(products, rows.rows(), range, page))?;
+        let [page] = batch.read([&part])?;
+        put_columns(products, rows.rows(), range, page.get());
     }
     Ok(())
 }
@@ -244,7 +245,7 @@ mod tests {
             let columns = format.columns();
             let pairs: Vec<Vec<(u32, f32)>> = (0..600usize)
                 .map(|row| {
-                    let sign = |j: usize| if signed && j % 3 == 0 { -1.0 } else { 1.0 };
+                    let sign = |j: usize| if signed && j.is_multiple_of(3) { -1.0 } else { 1.0 };
                     (0..row % 23).map(|j| (((row * 7 + j * 5) % columns) as u32, sign(j) * (j + 1) as f32)).collect()
                 })
                 .collect();

@@ -68,7 +68,7 @@ pub fn tone_map(
     exposure: f32,
     white: f32,
 ) -> Result<Vec<[f32; 4]>> {
-    if !(white > 0.0) || !exposure.is_finite() {
+    if white.is_nan() || white <= 0.0 || !exposure.is_finite() {
         return Err(Error::compute(
             format!("tone_map: white {white}, exposure {exposure}; expected white above 0 and a finite exposure"),
             "change the parameters of the node",
@@ -107,7 +107,8 @@ fn gpu(gpu: &Gpu, params: Params, pixels: &[[f32; 4]]) -> Result<Vec<[f32; 4]>> 
         let buffer = gpu.upload(pixels);
         let mut batch = gpu.batch();
         batch.dispatch(&KERNEL, &params, &[&buffer], pixels.len().div_ceil(64))?;
-        batch.read(&buffer, |page| out.extend_from_slice(page))?;
+        let [page] = batch.read([&buffer])?;
+        out.extend_from_slice(page.get());
     }
     Ok(out)
 }

@@ -8,28 +8,60 @@
 //! Output: rows x rays node numbers (0: the ray met nothing that sends light), and per row the harmonic mean and the
 //! least of the distances, which say how fast indirect light may change there (Ward et al. 1988).
 
+#[cfg(feature = "gpu")]
+use super::{RAYS, pages};
 use crate::Result;
-use crate::device::{Array, Device};
-use crate::scene::bvh::{Hit, Ray};
+#[cfg(feature = "gpu")]
+use crate::device::Gpu;
+use crate::device::kernel::uniform;
+use crate::device::{Array, Binding, Device, Kernel};
+use crate::scene::bvh::{Facet, Hit, Node, Ray};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::gather::{DEAD, Gather, cell_index};
 use crate::transport::sampling;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-#[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Uniforms {
-    pub rows: u32,
-    /// Rays a row.
-    pub rays: u32,
-    /// Gather samples.
-    pub gather: u32,
-    /// Largest node radius squared over that of a ray's patch.
-    pub credit: f32,
-    pub lift: f32,
-    pub pad: [u32; 3],
+uniform! {
+    struct Params {
+        rows: u32,
+        /// Rays a row.
+        rays: u32,
+        /// Gather samples.
+        gather: u32,
+        /// Largest node radius squared over that of a ray's patch.
+        credit: f32,
+        lift: f32,
+        /// Distance between gather samples, metres.
+        spacing: f32,
+        pad0: u32,
+        pad1: u32,
+    }
 }
+
+pub const KERNEL: Kernel = Kernel {
+    name: "transfer_rows",
+    shared: &[
+        include_str!("../../shaders/shared/grid.wgsl"),
+        include_str!("../../shaders/shared/bvh.wgsl"),
+        include_str!("../../shaders/shared/sampling.wgsl"),
+    ],
+    source: include_str!("../../shaders/transfer_rows.wgsl"),
+    workgroup: [64, 1, 1],
+    uniform: Params::UNIFORM,
+    bindings: &[
+        Binding::read::<Node>("nodes"),
+        Binding::read::<Facet>("facets"),
+        Binding::read::<SurfacePoint>("points"),
+        Binding::read::<u32>("seeds"),
+        Binding::read::<SurfacePoint>("samples"),
+        Binding::read::<[u32; 4]>("sides"),
+        Binding::read::<u32>("cells"),
+        Binding::read::<f32>("radius2"),
+        Binding::write::<u32>("credited"),
+        Binding::write::<[f32; 2]>("distances"),
+    ],
+};
 
 pub struct RowRays {
     /// Rows x rays.
@@ -48,21 +80,25 @@ pub fn transfer_rows(
     rays: u32,
     credit: f32,
 ) -> Result<RowRays> {
-    let uniforms = Uniforms {
+    let params = Params {
         rows: points.len() as u32,
         rays,
         gather: gather.count() as u32,
         credit,
         lift: geometry.lift(),
-        pad: [0; 3],
+        spacing: gather.spacing(),
+        pad0: 0,
+        pad1: 0,
     };
     match device {
-        Device::Cpu => Ok(cpu(geometry, gather, points, seeds, &uniforms)),
+        Device::Cpu => Ok(cpu(geometry, gather, points, seeds, &params)),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) => self::gpu(gpu, geometry, gather, points, seeds, &params),
     }
 }
 
-fn cpu(geometry: &Geometry, gather: &Gather, points: &[SurfacePoint], seeds: &[u32], uniforms: &Uniforms) -> RowRays {
-    let rays = uniforms.rays as usize;
+fn cpu(geometry: &Geometry, gather: &Gather, points: &[SurfacePoint], seeds: &[u32], params: &Params) -> RowRays {
+    let rays = params.rays as usize;
     let mut nodes = vec![0; points.len() * rays];
     let mut distances = vec![[f32::INFINITY; 2]; points.len()];
     let rows = nodes.par_chunks_mut(rays).zip(&mut distances).zip(points.par_iter().zip(seeds));
@@ -73,15 +109,55 @@ fn cpu(geometry: &Geometry, gather: &Gather, points: &[SurfacePoint], seeds: &[u
         let shift = sampling::shift(seed);
         let (mut inverse_sum, mut least) = (0.0, f32::INFINITY);
         for (i, node) in nodes.iter_mut().enumerate() {
-            let ray = unit_ray(point, sampling::lattice(i as u32, uniforms.rays, shift), uniforms.lift);
-            let (credited, distance) = cast(geometry, gather, point, &ray, uniforms);
+            let ray = unit_ray(point, sampling::lattice(i as u32, params.rays, shift), params.lift);
+            let (credited, distance) = follow(geometry, gather, point, &ray, params);
             *node = credited;
             inverse_sum += 1.0 / distance;
             least = least.min(distance);
         }
-        *distances = [uniforms.rays as f32 / inverse_sum, least];
+        *distances = [params.rays as f32 / inverse_sum, least];
     });
     RowRays { nodes, distances }
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(
+    gpu: &Gpu,
+    geometry: &Geometry,
+    gather: &Gather,
+    points: &Array<SurfacePoint>,
+    seeds: &Array<u32>,
+    params: &Params,
+) -> Result<RowRays> {
+    let rays = params.rays as usize;
+    let mut found =
+        RowRays { nodes: Vec::with_capacity(points.len() * rays), distances: Vec::with_capacity(points.len()) };
+    for range in pages(points.len(), gpu.page(4 * rays.max(12)).min((RAYS / rays.max(1)).max(1))) {
+        let params = Params { rows: range.len() as u32, ..*params };
+        let credited = gpu.storage::<u32>(range.len() * rays);
+        let distances = gpu.storage::<[f32; 2]>(range.len());
+        // Points and seeds are new with every call: not worth keeping.
+        let buffers = [
+            &gpu.whole(&geometry.bvh.nodes),
+            &gpu.whole(&geometry.bvh.facets),
+            &gpu.upload(&points[range.clone()]),
+            &gpu.upload(&seeds[range.clone()]),
+            &gpu.whole(&gather.points),
+            &gpu.whole(&gather.sides),
+            &gpu.whole(&gather.cells),
+            &gpu.whole(&gather.radius2),
+            &credited,
+            &distances,
+        ];
+        let mut batch = gpu.batch();
+        batch.dispatch(&KERNEL, &params, &buffers, range.len())?;
+        // Infinity does not exist in WGSL; 3e38 stands for it.
+        let finite = |x: f32| if x < 3e38 { x } else { f32::INFINITY };
+        let [credited, distances] = batch.read([&credited, &distances])?;
+        found.nodes.extend_from_slice(credited.get());
+        found.distances.extend(distances.get::<[f32; 2]>().iter().map(|pair| pair.map(finite)));
+    }
+    Ok(found)
 }
 
 /// A cosine-distributed ray about the point's shading normal, lifted off its surface.
@@ -94,7 +170,7 @@ pub fn unit_ray(point: &SurfacePoint, at: Vec2, lift: f32) -> Ray {
 }
 
 /// The node to credit (0 for none), and the distance to the hit (infinite for none).
-fn cast(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, uniforms: &Uniforms) -> (u32, f32) {
+fn follow(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, params: &Params) -> (u32, f32) {
     // Interpolated normals tilt some rays below the triangle itself.
     if ray.direction.dot(point.geometric_normal.into()) <= 0.0 {
         return (0, f32::INFINITY);
@@ -111,7 +187,7 @@ fn cast(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, u
     let mut leaf = gather.cells[(cells + cell_index(hit.u, hit.v, side[2])) as usize];
     if behind(point, &gather.points[leaf as usize]) {
         // The cell straddles the row's own surface: look again half a sample further out.
-        let (u, v) = nudged(geometry, &hit, Vec3::from(point.geometric_normal) * gather.spacing());
+        let (u, v) = nudged(geometry, &hit, Vec3::from(point.geometric_normal) * params.spacing);
         let other = gather.cells[(cells + cell_index(u, v, side[2])) as usize];
         if !behind(point, &gather.points[other as usize]) {
             leaf = other;
@@ -121,9 +197,9 @@ fn cast(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, u
     let facing = (area_vector.dot(ray.direction).abs() / area_vector.length()).max(0.1);
     let cosine = ray.direction.dot(point.normal.into()).max(0.05);
     // The patch's radius squared: solid angle pi / (rays cosine), times t² / facing, over pi.
-    let patch = hit.t * hit.t / (uniforms.rays as f32 * cosine * facing);
-    let mut node = uniforms.gather + leaf;
-    while node > 1 && gather.radius2[(node >> 1) as usize] <= uniforms.credit * patch {
+    let patch = hit.t * hit.t / (params.rays as f32 * cosine * facing);
+    let mut node = params.gather + leaf;
+    while node > 1 && gather.radius2[(node >> 1) as usize] <= params.credit * patch {
         node >>= 1;
     }
     (node, hit.t)

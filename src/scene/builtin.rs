@@ -12,7 +12,7 @@ pub fn scene(name: &str) -> Option<Scene> {
 }
 
 /// A room of 4 x 3 x 4 m, open towards the camera: a red wall on the left, a teal one on the right, an ochre block, a
-/// polished ball, a small pedestal; a spot light over the red wall's half, a soft ceiling panel.
+/// polished ball, a small pedestal; a spot light on the red wall, a soft ceiling panel.
 fn room() -> Scene {
     let mut room = Builder::default();
     let plaster = room.material("plaster", Material::matte([0.74, 0.72, 0.68]));
@@ -20,10 +20,10 @@ fn room() -> Scene {
     let red = room.material("red", Material::matte([0.62, 0.05, 0.04]));
     let teal = room.material("teal", Material::matte([0.06, 0.34, 0.36]));
     let ochre = room.material("ochre", Material::matte([0.70, 0.52, 0.22]));
-    let lacquer = Material { roughness: 0.18, specular: 1.0, ..Material::matte([0.55, 0.57, 0.62]) };
+    let lacquer = Material { roughness: 0.32, specular: 1.0, ..Material::matte([0.55, 0.57, 0.62]) };
     let lacquer = room.material("lacquer", lacquer);
     let stone = room.material("stone", Material::matte([0.5, 0.5, 0.48]));
-    let panel = room.material("panel", Material { emission: [5.0, 4.7, 4.2], ..Material::matte([0.8; 3]) });
+    let panel = room.material("panel", Material { emission: [6.0, 5.6, 5.0], ..Material::matte([0.8; 3]) });
 
     let (x, y, z) = (2.0, 3.0, 2.0);
     let v = Vec3::new;
@@ -42,13 +42,13 @@ fn room() -> Scene {
     );
 
     let key = LightKind::Spot {
-        position: v(1.2, 2.7, 1.7),
-        direction: (v(-2.0, 0.9, -0.5) - v(1.2, 2.7, 1.7)).normalize(),
-        inner: 0.38,
-        outer: 0.52,
+        position: v(0.4, 2.6, 1.8),
+        direction: (v(-2.0, 1.15, 0.55) - v(0.4, 2.6, 1.8)).normalize(),
+        inner: 0.34,
+        outer: 0.5,
     };
-    let lights = vec![Light { name: "key".into(), kind: key, intensity: Vec3::new(62.0, 56.0, 48.0) }];
-    let camera = Camera::look_at("main", v(0.0, 1.5, 6.6), v(0.0, 1.42, 0.0), 38f32.to_radians());
+    let lights = vec![Light { name: "key".into(), kind: key, intensity: Vec3::new(70.0, 63.0, 54.0) }];
+    let camera = Camera::look_at("main", v(0.0, 1.5, 5.95), v(0.0, 1.45, 0.0), 38f32.to_radians());
     room.finish(lights, vec![camera])
 }
 

@@ -13,6 +13,7 @@ pub mod sampling;
 pub mod selection;
 pub mod sides;
 pub mod sparse;
+mod stored;
 pub mod tone_curve;
 pub mod transfer;
 

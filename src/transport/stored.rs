@@ -1,0 +1,117 @@
+//! A transfer in the disk cache, with the view samples that it is for.
+
+use crate::scene::Camera;
+use crate::stored::{SectionReader, SectionWriter, Stored};
+use crate::transport::gather::Gather;
+use crate::transport::sparse::{EntryFormat, SparseRows};
+use crate::transport::{Basis, Samples, Transfer};
+use glam::{Mat3, Vec3};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+#[derive(Serialize, Deserialize)]
+struct View {
+    size: [usize; 4],
+    name: String,
+    position: Vec3,
+    world_from_camera: Mat3,
+    fov_y: f32,
+}
+
+impl Stored for Samples {
+    fn write<'a>(&'a self, sections: &mut SectionWriter<'a>) {
+        let Camera { name, position, world_from_camera, fov_y } = self.camera.clone();
+        let size = [self.width, self.height, self.across, self.down];
+        sections.value(&View { size, name, position, world_from_camera, fov_y });
+        sections.slice(&self.points);
+        sections.slice(&self.barycentrics);
+    }
+
+    fn read(sections: &mut SectionReader) -> Option<Self> {
+        let View { size: [width, height, across, down], name, position, world_from_camera, fov_y } =
+            sections.value()?;
+        let (points, barycentrics) = (sections.vec()?, sections.vec()?);
+        let count = [height, across, down].into_iter().try_fold(width, usize::checked_mul)?;
+        let camera = Camera { name, position, world_from_camera, fov_y };
+        (points.len() == count && barycentrics.len() == count).then(|| Self {
+            width,
+            height,
+            across,
+            down,
+            camera,
+            points: points.into(),
+            barycentrics: barycentrics.into(),
+        })
+    }
+}
+
+fn write_rows<'a>(rows: &'a SparseRows, sections: &mut SectionWriter<'a>) {
+    sections.value(&(rows.format().index_bits, rows.format().signed));
+    sections.slice(rows.offsets());
+    sections.slice(rows.entries());
+    sections.slice(rows.scale());
+}
+
+fn read_rows(sections: &mut SectionReader) -> Option<SparseRows> {
+    let (index_bits, signed) = sections.value()?;
+    let (offsets, entries, scale): (Vec<u32>, Vec<u32>, Vec<f32>) = (sections.vec()?, sections.vec()?, sections.vec()?);
+    SparseRows::new(offsets, entries, scale, EntryFormat { index_bits, signed }).ok()
+}
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    basis: Basis,
+    bounces: u32,
+    area: f32,
+    between: bool,
+}
+
+impl Stored for Transfer {
+    fn write<'a>(&'a self, sections: &mut SectionWriter<'a>) {
+        let Self { basis, bounces, .. } = *self;
+        sections.value(&Header { basis, bounces, area: self.gather.area, between: self.between.is_some() });
+        self.samples.write(sections);
+        sections.slice(&self.gather.points);
+        sections.slice(&self.gather.barycentrics);
+        sections.slice(&self.gather.radius2);
+        sections.slice(&self.gather.sides);
+        sections.slice(&self.gather.cells);
+        sections.slice(&self.indices);
+        sections.slice(&self.weights);
+        write_rows(&self.rows, sections);
+        self.between.iter().for_each(|between| write_rows(between, sections));
+    }
+
+    fn read(sections: &mut SectionReader) -> Option<Self> {
+        let Header { basis, bounces, area, between } = sections.value()?;
+        let samples = Arc::new(Samples::read(sections)?);
+        let gather = Gather {
+            area,
+            points: sections.vec::<crate::scene::SurfacePoint>()?.into(),
+            barycentrics: sections.vec::<[f32; 2]>()?.into(),
+            radius2: sections.vec::<f32>()?.into(),
+            sides: sections.vec::<[u32; 4]>()?.into(),
+            cells: sections.vec::<u32>()?.into(),
+        };
+        let (indices, weights): (Vec<[u32; 4]>, Vec<[f32; 4]>) = (sections.vec()?, sections.vec()?);
+        let rows = read_rows(sections)?;
+        let between = if between { Some(read_rows(sections)?) } else { None };
+        let count = gather.points.len();
+        let fits = count.is_power_of_two()
+            && gather.barycentrics.len() == count
+            && gather.radius2.len() == 2 * count
+            && rows.columns() == 1 << basis.index_bits(count)
+            && indices.len() == samples.points.len()
+            && weights.len() == indices.len();
+        fits.then(|| Self {
+            samples,
+            gather,
+            basis,
+            rows,
+            indices: indices.into(),
+            weights: weights.into(),
+            between,
+            bounces,
+        })
+    }
+}
