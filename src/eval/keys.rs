@@ -82,7 +82,9 @@ fn key_step(plan: &Plan, step: &Step, inputs: &[Option<[Key; 4]>], frame: f64, f
     };
     // What is handed through untouched is part of the value, even if the node never looks at it.
     let kept = |port: &Port, facet: &Facet| {
-        info.facets.iter().any(|rule| matches!(rule, FacetRule::Keeps(kept, from) if kept == facet && *from == port.name))
+        info.facets
+            .iter()
+            .any(|rule| matches!(rule, FacetRule::Keeps(kept, from) if kept == facet && *from == port.name))
     };
     let read: Vec<Key> = info
         .inputs

@@ -2,10 +2,10 @@
 //! types (see `plan`).
 
 use super::migrate;
-use crate::names::suggest;
 use super::pretty;
 use super::problem::Problem;
 use super::source::{Part, Source, child};
+use crate::names::suggest;
 use crate::{Error, Result};
 use indexmap::IndexMap;
 use serde_json::{Map, Value as Json, json};
