@@ -72,7 +72,7 @@ impl Camera {
 fn find<'a>(cameras: &'a [CameraValue], name: &str) -> Result<&'a CameraValue> {
     cameras.iter().find(|camera| camera.name == name).ok_or_else(|| {
         let known = cameras.iter().map(|camera| camera.name.as_str());
-        let help = crate::graph::names::suggest(name, known);
+        let help = crate::names::suggest(name, known);
         Error::compute(format!("the scene has no camera called \"{name}\""), help)
     })
 }

@@ -12,8 +12,10 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ViewSamples {
+    /// Of the picture.
     #[schemars(range(min = 1, max = 65536), extend("unit" = "pixels"))]
     pub width: u32,
+    /// Of the picture.
     #[schemars(range(min = 1, max = 65536), extend("unit" = "pixels"))]
     pub height: u32,
     /// Rays through each pixel, on a regular grid.

@@ -25,6 +25,7 @@ pub mod eval;
 pub mod graph;
 pub mod image;
 pub mod kernels;
+pub mod names;
 pub mod node;
 #[path = "../nodes/mod.rs"]
 pub mod nodes;

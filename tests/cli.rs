@@ -103,5 +103,6 @@ fn nodes_and_schema_are_json_when_asked() {
 
 #[test]
 fn the_cpu_is_a_device() {
-    chiaro().arg("devices").assert().success().stdout(contains("cpu")).stderr(is_empty());
+    // Vulkan's loader may have its own say on stderr.
+    chiaro().arg("devices").assert().success().stdout(contains("cpu"));
 }

@@ -40,7 +40,8 @@ impl Bench {
     fn render(&self, more: &[&str]) -> u8 {
         let [recipe, cache, report] = ["recipe.json", "cache", "report.json"].map(|name| self.path(name));
         let [recipe, cache, report] = [&recipe, &cache, &report].map(|path| path.to_str().unwrap());
-        let fixed = ["chiaro", "render", recipe, "--cache", cache, "--report", report, "--progress", "none"];
+        let fixed =
+            ["chiaro", "render", recipe, "--cache", cache, "--report", report, "--progress", "none", "--device", "cpu"];
         let cli = Cli::try_parse_from(fixed.iter().chain(more)).unwrap_or_else(|error| panic!("{error}"));
         cli.run_with(NODES).unwrap_or_else(|error| error.exit_code())
     }
@@ -138,7 +139,9 @@ fn the_report_tells_what_was_computed_and_what_was_found() {
     let node = &report["nodes"][0];
     assert_eq!((&node["frame"], &node["bytes"], &node["type"]), (&json!(7), &json!(4), &json!("clock")));
     assert!(node["seconds"].as_f64().unwrap() >= 0.0 && node["key"].as_str().unwrap().len() == 32);
-    assert_eq!(report["device"], "cpu");
+    assert!(report["device"].as_str().unwrap().starts_with("CPU"));
+    assert_eq!(bench.render(&["--frames", "7", "--threads", "1"]), 0);
+    assert_eq!(bench.report()["threads"], 1);
     if cfg!(target_os = "linux") {
         assert!(report["peak_memory_bytes"].as_u64().unwrap() > 1 << 20);
     }
@@ -172,7 +175,7 @@ fn child(test: &str, folder: &Path) -> Child {
 /// In the child: renders the recipe in its folder.
 fn render_in(folder: &Path, more: &[&str]) -> chiaro::Result<u8> {
     let [recipe, cache] = ["recipe.json", "cache"].map(|name| folder.join(name));
-    let fixed = ["chiaro", "render", recipe.to_str().unwrap(), "--cache", cache.to_str().unwrap()];
+    let fixed = ["chiaro", "render", recipe.to_str().unwrap(), "--device", "cpu", "--cache", cache.to_str().unwrap()];
     Cli::try_parse_from(fixed.iter().chain(more)).unwrap().run_with(NODES)
 }
 

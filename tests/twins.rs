@@ -6,9 +6,16 @@
 
 use chiaro::device::{Array, Choice, Device};
 use chiaro::kernels::colour_edits::{ColourEdit, Knot};
+use chiaro::kernels::direct_light::{View, direct_light};
+use chiaro::kernels::primary_visibility::primary_visibility;
 use chiaro::kernels::tone_map::Operator;
+use chiaro::kernels::transfer_points::transfer_points;
+use chiaro::kernels::transfer_rows::transfer_rows;
 use chiaro::kernels::{self, average_pyramid, colour_edits, haar_encode, interpolate, sparse_product, tone_map};
+use chiaro::scene::{Camera, Light, LightKind, Scene, SurfacePoint, builtin, light};
+use chiaro::transport::gather::Gather;
 use chiaro::transport::sparse::{EntryFormat, SparseRows};
+use chiaro::transport::{sampling, sides};
 use glam::{Mat3, Vec3};
 use libtest_mimic::{Arguments, Failed, Trial};
 use std::sync::Arc;
@@ -25,10 +32,14 @@ type Test = fn(&Devices) -> Outcome;
 const TESTS: &[(&str, Test)] = &[
     ("average_pyramid", pyramids),
     ("colour_edits", edits),
+    ("direct_light", lights),
     ("haar_encode", haar),
     ("interpolate", interpolation),
+    ("primary_visibility", views),
     ("sparse_product", products),
     ("tone_map", tones),
+    ("transfer_points", pairs),
+    ("transfer_rows", rows),
 ];
 
 fn main() {
@@ -36,7 +47,7 @@ fn main() {
     arguments.test_threads = Some(1);
     let devices = open().map(Arc::new);
     if let Err(why) = &devices {
-        eprintln!("GPU: no adapter, {} tests skipped ({why})", TESTS.len());
+        eprintln!("GPU: no adapter, {} tests skipped ({why})", TESTS.len() + 1);
     }
     let mut trials: Vec<Trial> = TESTS
         .iter()
@@ -47,6 +58,9 @@ fn main() {
             Trial::test(name, run).with_ignored_flag(ignored)
         })
         .collect();
+    let faulty = devices.clone();
+    let run = move || faults(&*faulty.map_err(|error| error.to_string())?).map_err(Failed::from);
+    trials.push(Trial::test("faults_are_errors", run).with_ignored_flag(devices.is_err()));
     trials.push(Trial::test("the_comparer_can_fail", || the_comparer_can_fail().map_err(Failed::from)));
     trials.push(Trial::test("every_kernel_is_compared", || every_kernel_is_compared().map_err(Failed::from)));
     libtest_mimic::run(&arguments, trials).exit();
@@ -61,6 +75,25 @@ fn open() -> Result<Devices, String> {
         gpu.set_page_bytes(4096);
     }
     Ok(devices)
+}
+
+/// What wgpu reports by callback comes out as an error, and the device goes on working.
+#[cfg(feature = "gpu")]
+fn faults(devices: &Devices) -> Outcome {
+    use chiaro::device::Kernel;
+    let Device::Gpu(gpu) = &devices.gpu else { return Err("not a GPU".to_owned()) };
+    let broken = Kernel { name: "broken", source: "fn broken() { nonsense }", ..tone_map::KERNEL };
+    let mut batch = gpu.batch();
+    let params = [0u32; 4];
+    match batch.dispatch(&broken, &params, &[&gpu.upload(&[[0.0f32; 4]])], 1) {
+        Err(error @ chiaro::Error::Device { .. }) if error.exit_code() == 4 => tones(devices),
+        other => Err(format!("a shader that does not compile gave {other:?}")),
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn faults(_: &Devices) -> Outcome {
+    Err("built without GPU support".to_owned())
 }
 
 fn every_kernel_is_compared() -> Outcome {
@@ -103,7 +136,35 @@ fn same(gpu: &[[f32; 4]], cpu: &[[f32; 4]], absolute: f32, relative: f32) -> Out
     Ok(())
 }
 
+/// The share of elements that may differ: rays that pass an edge within rounding see another surface.
+const EDGES: f32 = 2e-3;
+
+/// Elements equal within tolerance, but for a few; `what` names the elements in messages.
+fn nearly_all<T>(what: &str, gpu: &[T], cpu: &[T], same: impl Fn(&T, &T) -> bool) -> Outcome {
+    if gpu.len() != cpu.len() {
+        return Err(format!("{} {what}, CPU {}", gpu.len(), cpu.len()));
+    }
+    let differ = gpu.iter().zip(cpu).filter(|(gpu, cpu)| !same(gpu, cpu)).count();
+    if differ as f32 > EDGES * cpu.len() as f32 {
+        return Err(format!("{differ} of {} {what} differ", cpu.len()));
+    }
+    Ok(())
+}
+
+/// Transcendental: absolute 1e-5, relative 1e-4; infinities equal themselves.
+fn close(a: &[f32], b: &[f32]) -> bool {
+    a.iter().zip(b).all(|(a, b)| a == b || (a - b).abs() <= 1e-5 + 1e-4 * b.abs())
+}
+
 fn the_comparer_can_fail() -> Outcome {
+    let many = vec![1.0f32; 1000];
+    let mut spoilt = many.clone();
+    spoilt[..3].fill(1.1);
+    let equal = |a: &f32, b: &f32| close(&[*a], &[*b]);
+    nearly_all("numbers", &many, &many, equal)?;
+    if nearly_all("numbers", &spoilt, &many, equal).is_ok() || nearly_all("numbers", &many[1..], &many, equal).is_ok() {
+        return Err("three wrong numbers of a thousand, or a missing one, passed".to_owned());
+    }
     let good = Random(1).light(100);
     same(&good, &good, ARITHMETIC.0, ARITHMETIC.1)?;
     let spoil: [fn(f32) -> f32; 4] = [|x| x + 3e-5, |_| f32::NAN, |_| f32::INFINITY, |x| -x];
@@ -278,6 +339,135 @@ fn tones(devices: &Devices) -> Outcome {
                 compare(&format!("{operator:?}, {count} pixels"), devices, ARITHMETIC, |device| {
                     tone_map(device, &pixels, operator, exposure, white)
                 })?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn room() -> Scene {
+    builtin::scene("room").expect("it ships in the program")
+}
+
+/// What the room's camera sees, on the CPU.
+fn seen(scene: &Scene, width: u32, height: u32) -> Array<SurfacePoint> {
+    let visible =
+        primary_visibility(&Device::Cpu, &scene.geometry, &scene.cameras[0], (width, height), &[[0.5; 2]]).unwrap();
+    visible.points.into()
+}
+
+fn same_point(a: &SurfacePoint, b: &SurfacePoint) -> bool {
+    (a.object, a.material, a.triangle) == (b.object, b.material, b.triangle)
+        && close(&a.position, &b.position)
+        && close(&a.normal, &b.normal)
+        && close(&a.geometric_normal, &b.geometric_normal)
+}
+
+fn views(devices: &Devices) -> Outcome {
+    let scene = room();
+    let outside = Camera::look_at("outside", Vec3::new(9.0, 7.0, 11.0), Vec3::ZERO, 0.7);
+    let four = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+    for (camera, size, offsets) in [
+        (&scene.cameras[0], (1, 1), &[[0.5; 2]][..]),
+        (&scene.cameras[0], (203, 151), &[[0.5; 2]]),
+        (&outside, (97, 65), &four),
+    ] {
+        let run = |device| {
+            primary_visibility(device, &scene.geometry, camera, size, offsets).map_err(|error| error.to_string())
+        };
+        let cpu = run(&Device::Cpu)?;
+        if cpu.points.iter().all(|point| !point.exists()) {
+            return Err("the camera sees nothing, so nothing was compared".to_owned());
+        }
+        for device in [&devices.gpu, &devices.paged] {
+            let gpu = run(device)?;
+            nearly_all("points", &gpu.points, &cpu.points, same_point)?;
+            nearly_all("barycentrics", &gpu.barycentrics, &cpu.barycentrics, |a, b| close(a, b))?;
+        }
+    }
+    Ok(())
+}
+
+fn lights(devices: &Devices) -> Outcome {
+    let scene = room();
+    let points = seen(&scene, 83, 61);
+    let mut sources: Vec<_> = scene.lights.iter().map(|light| light.source()).collect();
+    sources.extend(light::surfaces(&scene.geometry, &scene.materials));
+    for kind in [
+        LightKind::Point { position: Vec3::new(0.3, 2.0, 0.4) },
+        LightKind::Directional { direction: Vec3::new(0.3, -0.8, -0.5).normalize() },
+        LightKind::Spot { position: Vec3::new(0.0, 2.5, 1.0), direction: Vec3::NEG_Y, inner: 0.2, outer: 0.6 },
+        LightKind::Area { corner: Vec3::new(-0.5, 2.5, -0.5), u: Vec3::X, v: Vec3::Z },
+    ] {
+        sources.push(Light { name: "added".to_owned(), kind, intensity: Vec3::new(3.0, 2.0, 1.0) }.source());
+    }
+    // Not below 0.3: a sharper lobe multiplies the rounding of the half vector by thousands.
+    let gloss: Vec<[f32; 4]> = (0..scene.materials.len()).map(|i| [0.04, 0.1, 0.5, 0.3 + 0.08 * i as f32]).collect();
+    let gloss = Array::from(gloss);
+    let view = View { eye: scene.cameras[0].position, gloss: &gloss };
+    for source in sources {
+        let emitters = Array::from(source.emitters.clone());
+        for view in [None, Some(&view)] {
+            let run = |device| {
+                direct_light(device, &scene.geometry, &points, &source.record, &emitters, 9, view)
+                    .map_err(|error| error.to_string())
+            };
+            let cpu = run(&Device::Cpu)?;
+            if cpu.irradiance.iter().flatten().all(|&x| x == 0.0) {
+                return Err(format!("light \"{}\" lights nothing, so nothing was compared", source.name));
+            }
+            for device in [&devices.gpu, &devices.paged] {
+                let gpu = run(device)?;
+                let named = |what: String| format!("{}: {what}", source.name);
+                nearly_all("irradiances", &gpu.irradiance, &cpu.irradiance, |a, b| close(a, b)).map_err(named)?;
+                nearly_all("highlights", &gpu.highlight, &cpu.highlight, |a, b| close(a, b)).map_err(named)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn pairs(devices: &Devices) -> Outcome {
+    let scene = room();
+    let points = seen(&scene, 13, 11);
+    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
+        .map_err(|error| error.to_string())?;
+    let run = |device| transfer_points(device, &scene.geometry, &gather, &points).map_err(|error| error.to_string());
+    let cpu = run(&Device::Cpu)?;
+    if cpu.weights.iter().all(|&weight| weight == 0.0) {
+        return Err("no sample is seen, so nothing was compared".to_owned());
+    }
+    for device in [&devices.gpu, &devices.paged] {
+        let wide = |weights: &[f32]| weights.iter().map(|&w| [w; 4]).collect::<Vec<_>>();
+        nearly_all("weights", &wide(&run(device)?.weights), &wide(&cpu.weights), |a, b| close(a, b))?;
+    }
+    Ok(())
+}
+
+fn rows(devices: &Devices) -> Outcome {
+    let scene = room();
+    let points = seen(&scene, 29, 23);
+    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
+        .map_err(|error| error.to_string())?;
+    let seeds: Array<u32> = (0..points.len() as u32).map(sampling::hash).collect::<Vec<_>>().into();
+    for (rays, credit) in [(1, 0.25), (64, 0.25), (100, 0.0), (257, 4.0)] {
+        let run = |device| {
+            transfer_rows(device, &scene.geometry, &gather, &points, &seeds, rays, credit)
+                .map_err(|error| error.to_string())
+        };
+        let cpu = run(&Device::Cpu)?;
+        if cpu.nodes.iter().all(|&node| node == 0) {
+            return Err("no ray was credited, so nothing was compared".to_owned());
+        }
+        for device in [&devices.gpu, &devices.paged] {
+            let gpu = run(device)?;
+            nearly_all("nodes", &gpu.nodes, &cpu.nodes, |a, b| a == b)
+                .map_err(|what| format!("{rays} rays: {what}"))?;
+            // A row's least distance comes from one ray of many, so a few rows may differ.
+            let share = gpu.distances.iter().zip(&cpu.distances).filter(|(a, b)| close(&a[..], &b[..])).count() as f32
+                / cpu.distances.len() as f32;
+            if gpu.distances.len() != cpu.distances.len() || share < 0.98 {
+                return Err(format!("{rays} rays: {share} of the distances agree"));
             }
         }
     }

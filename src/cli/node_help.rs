@@ -1,7 +1,7 @@
 //! `chiaro nodes`: what there is to build recipes from, out of each node type's own description.
 
 use super::print;
-use crate::graph::names::suggest;
+use crate::names::suggest;
 use crate::node::Port;
 use crate::params::NodeType;
 use crate::{Error, Result};

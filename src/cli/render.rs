@@ -70,7 +70,7 @@ pub struct CacheArgs {
     #[arg(long, value_name = "SIZE", default_value = "8G", value_parser = parse_size)]
     cache_size: u64,
     /// Compute in spite of the cache, and fail when the result differs
-    #[arg(long, env = "CHIARO_VERIFY_CACHE")]
+    #[arg(long, env = "CHIARO_VERIFY_CACHE", value_parser = clap::builder::FalseyValueParser::new())]
     verify_cache: bool,
 }
 
@@ -136,6 +136,13 @@ fn listen_for_signals() {
 
 impl Args {
     pub fn run(self, registry: &'static [NodeType]) -> Result<u8> {
+        let Some(threads) = self.threads else { return self.execute(registry) };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
+        pool.map_err(|error| Error::compute(format!("{threads} threads cannot be started: {error}"), "ask for fewer"))?
+            .install(|| self.execute(registry))
+    }
+
+    fn execute(&self, registry: &'static [NodeType]) -> Result<u8> {
         let start = Instant::now();
         let sink = progress::start(self.progress);
         let mut document = graph::load(&self.graph)?;
@@ -154,21 +161,11 @@ impl Args {
             chiaro: env!("CARGO_PKG_VERSION"),
             recipe: self.graph.display().to_string(),
             device: evaluator.device().name(),
-            threads: self.threads.map_or_else(rayon::current_num_threads, usize::from),
+            threads: rayon::current_num_threads(),
             ..Report::default()
         };
         let context = Context { out: self.out.as_deref(), sink: &*sink, cancel: &CANCEL };
-        let mut render = || self.render(&plan, &targets, &frames, &evaluator, &context, &mut report);
-        let result = match self.threads {
-            None => render(),
-            Some(threads) => rayon::ThreadPoolBuilder::new()
-                .num_threads(threads.into())
-                .build()
-                .map_err(|error| {
-                    Error::compute(format!("{threads} threads cannot be started: {error}"), "ask for fewer")
-                })?
-                .install(render),
-        };
+        let result = self.render(&plan, &targets, &frames, &evaluator, &context, &mut report);
         report.seconds = start.elapsed().as_secs_f64();
         report.peak_memory_bytes = peak_memory();
         let written = self.report.as_deref().map_or(Ok(()), |path| report.write(path));

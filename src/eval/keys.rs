@@ -7,7 +7,7 @@
 use super::files::FileHashes;
 use crate::Result;
 use crate::graph::{Plan, Step};
-use crate::node::{Facet, FacetRule, Key};
+use crate::node::{Facet, FacetRule, Key, Port};
 use crate::params::AnyNode;
 
 /// A hash of all code that results depend on (see build.rs).
@@ -80,7 +80,21 @@ fn key_step(plan: &Plan, step: &Step, inputs: &[Option<[Key; 4]>], frame: f64, f
             Key::of(&parts)
         }
     };
-    let read: Vec<Key> = info.inputs.iter().enumerate().map(|(index, port)| input(index, port.reads)).collect();
+    // What is handed through untouched is part of the value, even if the node never looks at it.
+    let kept = |port: &Port, facet: &Facet| {
+        info.facets
+            .iter()
+            .any(|rule| matches!(rule, FacetRule::Keeps(kept, from) if kept == facet && *from == port.name))
+    };
+    let read: Vec<Key> = info
+        .inputs
+        .iter()
+        .enumerate()
+        .map(|(index, port)| {
+            let reads = |facet: &Facet| port.reads.contains(facet) || kept(port, facet);
+            input(index, &Facet::ALL.into_iter().filter(reads).collect::<Vec<_>>())
+        })
+        .collect();
     let key = join(b"run", own, &read);
     let passes = node.pass_through().map(port).filter(|index| inputs[*index].is_some());
     let outputs = match passes.and_then(|index| inputs[index]) {

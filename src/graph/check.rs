@@ -2,7 +2,7 @@
 //! the one source for all of it.
 
 use super::curve::Complaint;
-use super::names::suggest;
+use crate::names::suggest;
 use crate::params::NodeType;
 use jsonschema::error::{TypeKind, ValidationError, ValidationErrorKind};
 use serde_json::{Map, Value as Json};

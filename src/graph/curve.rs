@@ -4,8 +4,8 @@
 //! `smooth` leaves and enters every key at rest: `t² (3 - 2 t)` of the way, so it never overshoots. Before the first
 //! key and after the last their values hold. At a key the value is the key's, exactly.
 
-use super::names::suggest;
 use super::source::child;
+use crate::names::suggest;
 use serde_json::{Map, Value as Json};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

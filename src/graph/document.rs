@@ -2,9 +2,10 @@
 //! types (see `plan`).
 
 use super::migrate;
-use super::names::suggest;
+use super::pretty;
 use super::problem::Problem;
 use super::source::{Part, Source, child};
+use crate::names::suggest;
 use crate::{Error, Result};
 use indexmap::IndexMap;
 use serde_json::{Map, Value as Json, json};
@@ -123,10 +124,7 @@ impl Document {
 
     /// The recipe's text: keys in their own order, whatever fits on a line on one line.
     pub fn to_text(&self) -> String {
-        let mut text = String::new();
-        write_json(&self.to_json(), 0, &mut text);
-        text.push('\n');
-        text
+        pretty::to_text(&self.to_json())
     }
 }
 
@@ -148,50 +146,6 @@ impl NodeEntry {
 /// `24` rather than `24.0`.
 fn whole(number: f64) -> Json {
     if number.fract() == 0.0 && number.abs() < 1e15 { Json::from(number as i64) } else { Json::from(number) }
-}
-
-fn write_json(value: &Json, depth: usize, out: &mut String) {
-    const WIDTH: usize = 120;
-    let compact = one_line(value);
-    // The recipe itself and its list of nodes are broken in any case: one node a line is what diffs read best.
-    let room = WIDTH.saturating_sub(2 * depth + 24);
-    let open = match value {
-        Json::Object(map) if compact.len() > room || depth < 2 && map.values().any(Json::is_object) => ('{', '}'),
-        Json::Array(list) if !list.is_empty() && compact.len() > room => ('[', ']'),
-        _ => return out.push_str(&compact),
-    };
-    let indent = "  ".repeat(depth + 1);
-    out.push(open.0);
-    let mut first = true;
-    let mut item = |key: Option<&String>, value: &Json, out: &mut String| {
-        out.push_str(if first { "\n" } else { ",\n" });
-        first = false;
-        out.push_str(&indent);
-        if let Some(key) = key {
-            out.push_str(&format!("{}: ", Json::from(key.as_str())));
-        }
-        write_json(value, depth + 1, out);
-    };
-    match value {
-        Json::Object(map) => map.iter().for_each(|(key, value)| item(Some(key), value, out)),
-        Json::Array(list) => list.iter().for_each(|value| item(None, value, out)),
-        _ => {}
-    }
-    out.push('\n');
-    out.push_str(&indent[2..]);
-    out.push(open.1);
-}
-
-fn one_line(value: &Json) -> String {
-    match value {
-        Json::Object(map) if !map.is_empty() => {
-            let items: Vec<String> =
-                map.iter().map(|(key, value)| format!("{}: {}", Json::from(key.as_str()), one_line(value))).collect();
-            format!("{{ {} }}", items.join(", "))
-        }
-        Json::Array(list) => format!("[{}]", list.iter().map(one_line).collect::<Vec<_>>().join(", ")),
-        other => other.to_string(),
-    }
 }
 
 /// Collects problems while it goes through the fields.

@@ -3,9 +3,9 @@
 use super::check::{Checker, ParamChecker};
 use super::curve::{self, Complaint, Curve};
 use super::document::{Document, NodeEntry};
-use super::names::suggest;
 use super::problem::{Problem, summary};
 use super::source::{Part, child};
+use crate::names::suggest;
 use crate::params::{AnyNode, NodeType};
 use crate::{Error, Result};
 use indexmap::IndexMap;

@@ -13,6 +13,7 @@ pub mod interpolate;
 pub mod primary_visibility;
 pub mod sparse_product;
 pub mod tone_map;
+pub mod transfer_points;
 pub mod transfer_rows;
 
 pub use average_pyramid::average_pyramid;
@@ -37,6 +38,7 @@ pub const ALL: &[&Kernel] = &[
     &primary_visibility::KERNEL,
     &sparse_product::KERNEL,
     &tone_map::KERNEL,
+    &transfer_points::KERNEL,
     &transfer_rows::KERNEL,
 ];
 

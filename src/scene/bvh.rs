@@ -73,7 +73,7 @@ impl Bvh {
         let params = BvhBuildParams { pre_split: false, max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
         let bvh = build_bvh2_from_tris(&triangles, params, &mut Duration::default());
         let facets: Vec<Facet> = bvh.primitive_indices.iter().map(|&i| facet(i, &corners[i as usize])).collect();
-        let wide = WideBvh { nodes: widen(&bvh) };
+        let wide = widen(&bvh);
         let nodes = bvh.nodes.iter().map(node).collect::<Vec<_>>();
         Self { nodes: nodes.into(), facets: facets.into(), wide }
     }
@@ -108,14 +108,16 @@ fn node(from: &obvhs::bvh2::node::Bvh2Node) -> Node {
 }
 
 /// Pulls grandchildren up, the largest box first, until a node has eight children.
-fn widen(bvh: &Bvh2) -> Vec<WideNode> {
+fn widen(bvh: &Bvh2) -> WideBvh {
     let mut wide = vec![WideNode::EMPTY];
-    let mut todo = vec![(0u32, 0u32)];
+    let mut depth = 0;
+    let mut todo = vec![(0u32, 0u32, 1)];
     let half_area = |index: u32| {
         let size: Vec3A = bvh.nodes[index as usize].aabb.max - bvh.nodes[index as usize].aabb.min;
         size.x * size.y + size.y * size.z + size.z * size.x
     };
-    while let Some((from, into)) = todo.pop() {
+    while let Some((from, into, level)) = todo.pop() {
+        depth = depth.max(level);
         let root = &bvh.nodes[from as usize];
         let mut children = if root.is_leaf() { vec![from] } else { vec![root.first_index, root.first_index + 1] };
         while children.len() < 8 {
@@ -133,11 +135,11 @@ fn widen(bvh: &Bvh2) -> Vec<WideNode> {
                 WideNode::leaf(child.first_index, child.prim_count)
             } else {
                 wide.push(WideNode::EMPTY);
-                todo.push((index, wide.len() as u32 - 1));
+                todo.push((index, wide.len() as u32 - 1, level + 1));
                 wide.len() as u32 - 1
             };
             wide[into as usize].set(slot, child.aabb.min.into(), child.aabb.max.into(), target);
         }
     }
-    wide
+    WideBvh { nodes: wide, depth }
 }

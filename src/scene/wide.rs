@@ -50,6 +50,8 @@ impl WideNode {
 #[derive(Clone, Debug, Default)]
 pub struct WideBvh {
     pub nodes: Vec<WideNode>,
+    /// Levels of the tree; a visit leaves at most seven siblings of each waiting.
+    pub depth: usize,
 }
 
 /// Ray in the form that box tests want.
@@ -132,7 +134,7 @@ fn intersect(facet: &Facet, ray: &Ray, t_max: f32) -> Option<(f32, f32, f32, boo
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t <= t_max).then_some((t, u, v, determinant > 0.0))
 }
 
-/// Deep enough: every push leaves at most seven siblings a level, and trees of 2^26 triangles are below 30 levels.
+/// Deep enough for any tree but those over heaps of coincident triangles, which pay for a longer one.
 const STACK: usize = 256;
 
 #[inline(always)]
@@ -144,7 +146,14 @@ fn traverse<const ANY: bool>(
 ) -> Hit {
     let slabs = Slabs::new(ray);
     let mut best = Hit { t: ray.t_max, ..Hit::MISS };
-    let mut stack = [(0u32, 0f32); STACK];
+    let mut here = [(0u32, 0f32); STACK];
+    let mut longer;
+    let stack: &mut [(u32, f32)] = if 7 * bvh.depth + 8 <= STACK {
+        &mut here
+    } else {
+        longer = vec![(0, 0.0); 7 * bvh.depth + 8];
+        &mut longer
+    };
     let mut depth = 1; // stack[0] is the root
     let mut entry = [0f32; 8];
     while depth > 0 {

@@ -1,7 +1,5 @@
 //! From what one point sees of the gather samples to one sparse row, in either basis.
 
-use crate::transport::transfer::Basis;
-
 /// Turns node numbers (one a ray, 0 for none) into sorted (node, weight) pairs; each ray weighs 1 / rays.
 pub fn count_nodes(nodes: &mut [u32], row: &mut Vec<(u32, f32)>) {
     row.clear();
@@ -12,6 +10,13 @@ pub fn count_nodes(nodes: &mut [u32], row: &mut Vec<(u32, f32)>) {
             row.push((run[0], run.len() as f32 * weight));
         }
     }
+}
+
+/// All weights that are not zero, as leaves of the tree.
+pub fn leaves(weights: &[f32], row: &mut Vec<(u32, f32)>) {
+    row.clear();
+    let seen = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
+    row.extend(seen.map(|(leaf, &weight)| ((weights.len() + leaf) as u32, weight)));
 }
 
 /// Merges sibling leaves and nodes of nearly equal weight, bottom up, as long as what is moved stays below `slack` of
@@ -99,24 +104,6 @@ impl HaarScratch {
             row.sort_unstable_by_key(|entry| entry.0);
         }
     }
-}
-
-/// What a finished row costs; in the report.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Kept {
-    pub rows: u64,
-    pub entries: u64,
-}
-
-impl Kept {
-    pub fn per_row(&self) -> f64 {
-        self.entries as f64 / self.rows.max(1) as f64
-    }
-}
-
-/// The columns of a basis over `count` gather samples are below this.
-pub fn columns(basis: Basis, count: usize) -> usize {
-    1 << basis.index_bits(count)
 }
 
 #[cfg(test)]

@@ -2,11 +2,12 @@
 
 use crate::Result;
 use crate::device::{Array, Device};
-use crate::kernels::transfer_rows::{RowRays, transfer_rows};
+use crate::kernels::transfer_points::transfer_points;
+use crate::kernels::transfer_rows::transfer_rows;
 use crate::progress::{Progress, Stage};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::Samples;
-use crate::transport::compress::{HaarScratch, count_nodes};
+use crate::transport::compress::{HaarScratch, count_nodes, leaves, merge_siblings};
 use crate::transport::gather::Gather;
 use crate::transport::rows::{self, Spacing};
 use crate::transport::sampling;
@@ -48,6 +49,8 @@ pub struct Quality {
     /// Tree nodes credited, by squared radius over that of a ray's patch.
     pub credit: f32,
     pub spacing: Spacing,
+    /// Share of a point-to-point row that merging its entries may move.
+    pub slack: f32,
 }
 
 impl Quality {
@@ -61,7 +64,7 @@ impl Quality {
         let largest = if placement == Placement::Every { 1 } else { 16 };
         // A sixteenth of a ray's patch at the default; patches shrink as rays grow, nodes need not.
         let credit = (rays as f32 / 1024.0 / 16.0).min(1.0);
-        Self { rays, credit, spacing: Spacing { largest, relative } }
+        Self { rays, credit, spacing: Spacing { largest, relative }, slack: tolerance }
     }
 }
 
@@ -168,58 +171,72 @@ impl<'a> Packer<'a> {
         resolved: u64,
     ) -> Result<Vec<[f32; 2]>> {
         let mut distances = Vec::with_capacity(samples.len());
-        let rays = self.quality.rays as usize;
-        for part in samples.chunks((BATCH_RAYS / rays).max(1)) {
-            let chosen: Vec<SurfacePoint> = part.iter().map(|&i| points[i]).collect();
-            let seeds: Vec<u32> = part.iter().map(|&i| sampling::hash(i as u32)).collect();
-            let (chosen, seeds) = (Array::from(chosen), Array::from(seeds));
-            let cast = transfer_rows(
-                self.device,
-                self.geometry,
-                self.gather,
-                &chosen,
-                &seeds,
-                self.quality.rays,
-                self.quality.credit,
-            )?;
-            self.pack(cast, &mut distances)?;
-            self.cost.rays += (part.len() * rays) as u64;
+        let looks = match self.settings.estimator {
+            Estimator::Rays => self.quality.rays as usize,
+            Estimator::Points => self.gather.count(),
+        };
+        for part in samples.chunks((BATCH_RAYS / looks).max(1)) {
+            let chosen: Array<SurfacePoint> = part.iter().map(|&i| points[i]).collect::<Vec<_>>().into();
+            distances.append(&mut match self.settings.estimator {
+                Estimator::Rays => self.shoot(&chosen, part)?,
+                Estimator::Points => self.connect(&chosen)?,
+            });
+            self.cost.rays += (part.len() * looks) as u64;
             stage.advance(0)?;
         }
         stage.advance(resolved)?;
         Ok(distances)
     }
 
-    fn pack(&mut self, mut cast: RowRays, distances: &mut Vec<[f32; 2]>) -> Result<()> {
-        let rays = self.quality.rays as usize;
-        let (basis, keep, format, count) =
-            (self.settings.basis, self.settings.coefficients, self.format, self.gather.count());
-        let packed: Vec<Result<(Vec<u32>, f32)>> = cast
-            .nodes
-            .par_chunks_mut(rays)
-            .map_init(
-                || (Vec::new(), HaarScratch::new(if basis == Basis::Haar { count } else { 0 })),
-                |(row, scratch), nodes| {
-                    count_nodes(nodes, row);
-                    if basis == Basis::Haar {
-                        scratch.haar_row(row, keep);
-                    }
-                    let mut entries = Vec::with_capacity(row.len());
-                    let scale = format.pack_row(row, &mut entries)?;
-                    Ok((entries, scale))
-                },
-            )
+    fn shoot(&mut self, points: &Array<SurfacePoint>, samples: &[usize]) -> Result<Vec<[f32; 2]>> {
+        let seeds: Array<u32> = samples.iter().map(|&i| sampling::hash(i as u32)).collect::<Vec<_>>().into();
+        let Quality { rays, credit, .. } = self.quality;
+        let mut cast = transfer_rows(self.device, self.geometry, self.gather, points, &seeds, rays, credit)?;
+        self.pack(cast.nodes.par_chunks_mut(rays as usize), |nodes, row| count_nodes(nodes, row))?;
+        Ok(cast.distances)
+    }
+
+    fn connect(&mut self, points: &Array<SurfacePoint>) -> Result<Vec<[f32; 2]>> {
+        let connected = transfer_points(self.device, self.geometry, self.gather, points)?;
+        let count = self.gather.count();
+        let (basis, slack) = (self.settings.basis, self.settings.quality.slack);
+        self.pack(connected.weights.par_chunks(count), |weights, row| match basis {
+            Basis::Cut => merge_siblings(weights, slack, row),
+            Basis::Haar => leaves(weights, row),
+        })?;
+        Ok(connected.distances)
+    }
+
+    /// Packs rows side by side and appends them in order; `spell` writes one as (node, weight) pairs.
+    fn pack<T: Send>(
+        &mut self,
+        rows: impl IndexedParallelIterator<Item = T>,
+        spell: impl Fn(T, &mut Vec<(u32, f32)>) + Sync + Send,
+    ) -> Result<()> {
+        let Settings { basis, coefficients, .. } = *self.settings;
+        let (format, count) = (self.format, self.gather.count());
+        let scratch = || (Vec::new(), HaarScratch::new(if basis == Basis::Haar { count } else { 0 }));
+        let packed: Vec<Result<(Vec<u32>, f32)>> = rows
+            .map_init(scratch, |(row, scratch), what| {
+                spell(what, row);
+                if basis == Basis::Haar {
+                    scratch.haar_row(row, coefficients);
+                }
+                let mut entries = Vec::with_capacity(row.len());
+                let scale = format.pack_row(row, &mut entries)?;
+                Ok((entries, scale))
+            })
             .collect();
         for row in packed {
             let (entries, scale) = row?;
             self.builder.push_packed(&entries, scale)?;
         }
-        distances.append(&mut cast.distances);
         Ok(())
     }
 
     fn finish(self) -> Result<(SparseRows, Cost)> {
         let rows = self.builder.finish()?;
-        Ok((rows.clone(), Cost { rows: rows.rows(), entries: rows.entries().len(), ..self.cost }))
+        let cost = Cost { rows: rows.rows(), entries: rows.entries().len(), ..self.cost };
+        Ok((rows, cost))
     }
 }

@@ -51,7 +51,7 @@ fn chosen(what: &str, globs: &[String], names: &[String]) -> Result<Vec<bool>> {
         let set = set(what, std::slice::from_ref(glob))?;
         if !names.iter().any(|name| set.is_match(name)) {
             let known = names.iter().map(String::as_str);
-            let help = crate::graph::names::suggest(glob, known);
+            let help = crate::names::suggest(glob, known);
             return Err(Error::compute(format!("no {what} of the scene is called \"{glob}\""), help));
         }
     }

@@ -236,7 +236,7 @@ impl Node for Lamp {
     const INFO: Info = Info {
         name: "lamp",
         category: "Scene",
-        inputs: &[SCENE],
+        inputs: &[SCENE.reads(&[Facet::Lights])],
         outputs: &[SCENE],
         facets: &[
             FacetRule::Keeps(Facet::Geometry, "scene"),
