@@ -21,8 +21,8 @@ use std::sync::atomic::AtomicBool;
 use texels::{Tolerance, faults};
 
 /// The CPU's bodies give every bit again for any number of threads; what is left to differ between machines is the last
-/// bit of the platform's sine, power and the like. Measured with those of a processor without fused multiply-add: no
-/// texel is off.
+/// bit of the platform's sine, power and the like. Measured with those of a processor without fused multiply-add: not
+/// a bit differs.
 const CPU: Tolerance = Tolerance { absolute: 1e-5, relative: 1e-4, outliers: 0.0 };
 
 /// On the GPU a ray that meets an edge may take its other side, which changes one row of a few hundred rays and all
