@@ -181,7 +181,8 @@ impl GeometryBuilder {
             let index = [i as usize, j as usize, k as usize];
             let corners = index.map(|i| world_from_mesh.transform_point3(Vec3::from(mesh.positions[i])));
             let area_vector = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            if !(area_vector.length_squared() > 1e-30) {
+            let squared = area_vector.length_squared();
+            if squared.is_nan() || squared <= 1e-30 {
                 self.rejected.zero_area += 1;
                 continue;
             }
