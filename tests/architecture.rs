@@ -23,6 +23,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("stored", &[]),
     ("progress", &[]),
     ("atomic", &[]),
+    ("memory", &[]),
     ("names", &[]),
 ];
 
@@ -31,7 +32,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
 const MATRIX: &str = "transport matrix";
 const MATRIX_FILES: &[&str] = &["cluster", "gather", "sampling", "sparse"];
 
-const EVERYONE: &[&str] = &["Error", "Result", "error", "progress", "stored", "atomic", "names"];
+const EVERYONE: &[&str] = &["Error", "Result", "error", "progress", "stored", "atomic", "memory", "names"];
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
