@@ -13,7 +13,7 @@ use crate::transport::lighting::{Prepared, Shading, exitance, sum, surface_layer
 use crate::transport::samples::reflectance;
 use crate::transport::{Edits, Transfer};
 use crate::value::{Kind, Value};
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -103,6 +103,13 @@ impl Stage<'_> {
         let device = self.job.device;
         let sources: Vec<Source> =
             lights.iter().map(Light::source).chain(surfaces(self.geometry, self.materials)).collect();
+        if sources.is_empty() {
+            let help = "add a light node and connect it to the scene, or give a material emission";
+            return Err(Error::compute("the scene has no light: no lamp, and no surface that emits", help));
+        }
+        // Of each source at view and gather samples, twice where it shines; and about eight layers.
+        let bytes = VEC4 * (2 * sources.len() as u64 + 8) * (samples.points.len() + gather.count()) as u64;
+        memory::require(bytes, "light at view and gather samples", "lower width, height or samples_per_pixel")?;
         let view_reflectance = self.reflectance(b"view", &samples.points, &samples.barycentrics)?;
         let gather_reflectance = self.reflectance(b"gather", &gather.points, &gather.barycentrics)?;
 

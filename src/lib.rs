@@ -14,8 +14,10 @@
 //! cli/     one file per subcommand
 //! ```
 //!
-//! Dependencies point one way: `cli -> eval -> graph -> node`; `nodes -> transport, scene, image, kernels`;
-//! `kernels -> device`. `tests/architecture.rs` guards it.
+//! Dependencies point one way: `cli -> eval -> graph -> node`; `cli, nodes -> transport, scene, image, kernels`;
+//! `node -> value -> transport, scene, image` (what travels on wires). `transport` lies on both sides of the kernels: what
+//! a transfer is made of (`cluster`, `gather`, `sampling`, `sparse`) is their input, the rest calls them. So:
+//! `transport -> kernels -> transport's data -> scene -> device`. `tests/architecture.rs` guards it.
 
 pub mod atomic;
 pub mod cli;
@@ -25,6 +27,7 @@ pub mod eval;
 pub mod graph;
 pub mod image;
 pub mod kernels;
+pub mod memory;
 pub mod names;
 pub mod node;
 #[path = "../nodes/mod.rs"]

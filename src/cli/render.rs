@@ -5,7 +5,7 @@ use super::progress::{self, Style};
 use super::{print, print_error};
 use crate::device::{Choice, Device};
 use crate::eval::report::{FailedFrame, Report, peak_memory};
-use crate::eval::{Context, Disk, Evaluator, Options};
+use crate::eval::{Context, Disk, Evaluator, Options, outputs};
 use crate::graph::{self, Plan};
 use crate::params::NodeType;
 use crate::progress::Progress;
@@ -197,7 +197,9 @@ impl Args {
         for &frame in frames {
             let result = self.missing(plan, targets, frame).and_then(|missing| match missing.is_empty() {
                 true => Ok(false),
-                false => evaluator.evaluate(plan, &missing, frame, context, &mut report.nodes).map(|_| true),
+                false => outputs::check(plan, &missing, frame, context.out, &self.graph)
+                    .and_then(|()| evaluator.evaluate(plan, &missing, frame, context, &mut report.nodes))
+                    .map(|_| true),
             });
             match result {
                 Ok(true) => report.frames.push(frame),

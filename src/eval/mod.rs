@@ -15,6 +15,7 @@ pub mod disk;
 pub mod files;
 pub mod keys;
 pub mod memory;
+pub mod outputs;
 pub mod report;
 
 pub use disk::Disk;

@@ -14,18 +14,12 @@ use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Array, Binding, Device, Kernel};
 use crate::scene::bvh::{Facet, Node, Ray};
-use crate::scene::light::{Emitter, LightRecord};
+use crate::scene::light::{DIRECTIONAL, EMITTERS, Emitter, LightRecord, SPOT};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::sampling;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
-
-/// `LightRecord::kind`.
-pub const POINT: u32 = 0;
-pub const SPOT: u32 = 1;
-pub const DIRECTIONAL: u32 = 2;
-pub const EMITTERS: u32 = 3;
 
 uniform! {
     struct Params {

@@ -14,7 +14,7 @@ use super::{split_columns, vector_length};
 use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Binding, Device, Kernel};
-use crate::transport::SparseRows;
+use crate::transport::sparse::SparseRows;
 use crate::{Error, Result};
 use rayon::prelude::*;
 #[cfg(feature = "gpu")]

@@ -218,7 +218,7 @@ fn nudged(geometry: &Geometry, hit: &Hit, by: Vec3) -> (f32, f32) {
     let (du, dv) = (by.dot(edge_u), by.dot(edge_v));
     let determinant = uu * vv - uv * uv;
     // A sliver has no room to move in.
-    if !(determinant > 1e-6 * uu * vv) {
+    if determinant.is_nan() || determinant <= 1e-6 * uu * vv {
         return (hit.u, hit.v);
     }
     let u = (hit.u + (du * vv - dv * uv) / determinant).clamp(0.0, 1.0);

@@ -5,12 +5,12 @@
 
 use crate::scene::geometry::{GeometryBuilder, Mesh};
 use crate::scene::material::{Texture, linear_from_srgb8};
+use crate::scene::sound::{check_accessors, check_json, json_chunk, percent_decoded};
 use crate::scene::{Camera, Light, LightKind, Material, Scene};
 use crate::{Error, Result};
 use glam::{Mat3, Mat4, Vec3};
 use gltf::khr_lights_punctual::Kind;
 use gltf::mesh::Mode;
-use serde_json::Value as Json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -28,10 +28,11 @@ pub struct Census {
 /// vertex or index that makes no sense.
 pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
     let bytes = std::fs::read(path).map_err(|e| Error::file(path, e.to_string(), "check the path in the recipe"))?;
-    refuse_extensions(path, &bytes)?;
+    if let Some(json) = json_chunk(&bytes) {
+        check_json(path, &json)?;
+    }
     let broken =
         |e: gltf::Error| Error::file(path, format!("is not a readable glTF file: {e}"), "export it again as glTF 2.0");
-    // The importer slices buffers by the file's own numbers, so validation must come first; it does, in from_slice.
     let gltf = gltf::Gltf::from_slice(&bytes).map_err(broken)?;
     let (document, blob) = (gltf.document, gltf.blob);
     let base = path.parent();
@@ -42,6 +43,7 @@ pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
     let mut reader = Reader {
         path,
         materials: document.materials().len(),
+        visited: vec![false; document.nodes().len()],
         buffers: &buffers,
         builder: GeometryBuilder::default(),
         lights: vec![],
@@ -58,6 +60,10 @@ pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
         reader.node(&root, world, 0)?;
     }
     let mut materials: Vec<Material> = document.materials().map(|m| material(&m, &images)).collect();
+    if let Some(material) = materials.iter().find(|material| !material.is_finite()) {
+        let found = format!("material \"{}\" has a number that is too large for 32 bits", material.name);
+        return Err(Error::file(path, found, "correct the material, and export it again"));
+    }
     materials.push(Material { name: "default".into(), ..Material::matte([0.8; 3]) });
     let names = materials.iter().map(|m| m.name.clone()).collect();
     let Reader { builder, lights, cameras, mut census, .. } = reader;
@@ -82,85 +88,19 @@ pub fn dependencies(path: &Path) -> Vec<PathBuf> {
         .flatten()
         .filter_map(|entry| entry.get("uri")?.as_str())
         .filter(|uri| !uri.starts_with("data:"))
-        .map(|uri| folder.join(percent_decoded(uri)))
+        .map(|uri| folder.join(&*String::from_utf8_lossy(&percent_decoded(uri))))
         .collect()
 }
 
-fn percent_decoded(uri: &str) -> String {
-    let mut out = Vec::new();
-    let mut bytes = uri.bytes();
-    while let Some(byte) = bytes.next() {
-        if byte == b'%' {
-            let hex: String = bytes.by_ref().take(2).map(char::from).collect();
-            out.push(u8::from_str_radix(&hex, 16).unwrap_or(b'%'));
-        } else {
-            out.push(byte);
-        }
-    }
-    String::from_utf8_lossy(&out).into_owned()
-}
-
-/// The JSON part of a .glb, or all of a .gltf.
-fn json_chunk(bytes: &[u8]) -> Option<Json> {
-    if !bytes.starts_with(b"glTF") {
-        return serde_json::from_slice(bytes).ok();
-    }
-    let length = u32::from_le_bytes(bytes.get(12..16)?.try_into().ok()?) as usize;
-    serde_json::from_slice(bytes.get(20..20usize.checked_add(length)?)?).ok()
-}
-
-const UNREADABLE: [(&str, &str); 4] = [
-    ("KHR_draco_mesh_compression", "Draco"),
-    ("EXT_meshopt_compression", "meshopt"),
-    ("KHR_meshopt_compression", "meshopt"),
-    ("KHR_texture_basisu", "Basis Universal texture"),
-];
-
-fn refuse_extensions(path: &Path, bytes: &[u8]) -> Result<()> {
-    let Some(json) = json_chunk(bytes) else { return Ok(()) };
-    let required = json.get("extensionsRequired").and_then(Json::as_array);
-    for name in required.into_iter().flatten().filter_map(Json::as_str) {
-        if let Some((_, what)) = UNREADABLE.iter().find(|(extension, _)| *extension == name) {
-            let help = "decompress it first, for example: gltf-transform copy in.glb out.glb";
-            return Err(Error::file(path, format!("uses {what} compression ({name}), which is not read"), help));
-        }
-    }
-    Ok(())
-}
-
-/// The importer checks JSON, not sizes: an accessor past its buffer would panic while it is read.
-fn check_accessors(path: &Path, document: &gltf::Document, buffers: &[gltf::buffer::Data]) -> Result<()> {
-    let short = |what: String| Err(Error::file(path, what, "the file is truncated or damaged; export it again"));
-    for view in document.views() {
-        let length = buffers[view.buffer().index()].len();
-        if view.offset().checked_add(view.length()).is_none_or(|end| end > length) {
-            return short(format!("buffer view {} ends past the {length} bytes of its buffer", view.index()));
-        }
-    }
-    for accessor in document.accessors() {
-        let Some(view) = accessor.view() else { continue };
-        let stride = view.stride().unwrap_or(accessor.size());
-        let needed = accessor
-            .count()
-            .saturating_sub(1)
-            .saturating_mul(stride)
-            .saturating_add(accessor.size())
-            .saturating_add(accessor.offset());
-        if accessor.count() > 0 && needed > view.length() {
-            return short(format!(
-                "accessor {} needs {needed} bytes, its view has {}",
-                accessor.index(),
-                view.length()
-            ));
-        }
-    }
-    Ok(())
-}
+/// Nodes are read by recursion.
+const DEEPEST: usize = 512;
 
 struct Reader<'a> {
     path: &'a Path,
     /// Materials of the file.
     materials: usize,
+    /// Nodes that have been met: each has one parent at most.
+    visited: Vec<bool>,
     buffers: &'a [gltf::buffer::Data],
     builder: GeometryBuilder,
     lights: Vec<Light>,
@@ -170,12 +110,13 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn node(&mut self, node: &gltf::Node, parent: Mat4, depth: usize) -> Result<()> {
-        if depth > 512 {
-            return Err(Error::file(
-                self.path,
-                "nodes are nested more than 512 deep",
-                "the node tree probably has a loop",
-            ));
+        if depth > DEEPEST {
+            let found = format!("nodes are nested more than {DEEPEST} deep");
+            return Err(Error::file(self.path, found, "flatten the scene, and export it again"));
+        }
+        if std::mem::replace(&mut self.visited[node.index()], true) {
+            let found = format!("node {} is reached twice: nodes must form trees", node.index());
+            return Err(Error::file(self.path, found, "export it again as glTF 2.0"));
         }
         let world = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
         let name = |fallback: Option<&str>| {
@@ -194,12 +135,12 @@ impl Reader<'_> {
             && let gltf::camera::Projection::Perspective(lens) = camera.projection()
         {
             let columns = Mat3::from_cols(axis(Vec3::X, Vec3::X), axis(Vec3::Y, Vec3::Y), axis(Vec3::Z, Vec3::Z));
-            self.cameras.push(Camera {
-                name: name(camera.name()),
-                position,
-                world_from_camera: columns,
-                fov_y: lens.yfov(),
-            });
+            let (name, fov_y) = (name(camera.name()), lens.yfov());
+            if !(0.0..std::f32::consts::PI).contains(&fov_y) || fov_y == 0.0 || !position.is_finite() {
+                let found = format!("camera \"{name}\" cannot see: field of view {fov_y} rad, at {position}");
+                return Err(Error::file(self.path, found, "correct the camera, and export it again"));
+            }
+            self.cameras.push(Camera { name, position, world_from_camera: columns, fov_y });
         }
         if let Some(light) = node.light() {
             let direction = axis(Vec3::NEG_Z, Vec3::NEG_Y);
@@ -210,11 +151,12 @@ impl Reader<'_> {
                     LightKind::Spot { position, direction, inner, outer }
                 }
             };
-            self.lights.push(Light {
-                name: name(light.name()),
-                kind,
-                intensity: Vec3::from(light.color()) * light.intensity(),
-            });
+            let (name, intensity) = (name(light.name()), Vec3::from(light.color()) * light.intensity());
+            if !intensity.is_finite() || intensity.min_element() < 0.0 || !position.is_finite() {
+                let found = format!("light \"{name}\" cannot shine: intensity {intensity}, at {position}");
+                return Err(Error::file(self.path, found, "correct the light, and export it again"));
+            }
+            self.lights.push(Light { name, kind, intensity });
         }
         node.children().try_for_each(|child| self.node(&child, world, depth + 1))
     }

@@ -134,6 +134,9 @@ pub struct GeometryBuilder {
     pub rejected: Rejected,
 }
 
+/// Coordinates beyond this have no meaning in 32 bits; areas and distances of such triangles overflow. Metres.
+const FARTHEST: f32 = 1e9;
+
 /// One indexed triangle mesh in its own space.
 pub struct Mesh<'a> {
     pub positions: &'a [[f32; 3]],
@@ -161,7 +164,7 @@ impl GeometryBuilder {
 
     /// Adds a mesh. Triangles without area are counted and left out.
     ///
-    /// Errors: an index past the vertices, a vertex that is not finite (both say which).
+    /// Errors: an index past the vertices, a vertex that is not finite or too far out (both say which).
     pub fn add(&mut self, object: u32, mesh: &Mesh, world_from_mesh: Mat4) -> std::result::Result<(), String> {
         if let Some(index) = mesh.positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
             return Err(format!("vertex {index} has a position that is not finite: {:?}", mesh.positions[index]));
@@ -180,8 +183,13 @@ impl GeometryBuilder {
             };
             let index = [i as usize, j as usize, k as usize];
             let corners = index.map(|i| world_from_mesh.transform_point3(Vec3::from(mesh.positions[i])));
+            if let Some(far) = (0..3).find(|&i| corners[i].is_nan() || corners[i].abs().max_element() > FARTHEST) {
+                let (index, place) = (index[far], corners[far]);
+                return Err(format!("vertex {index} lies at {place}, farther out than {FARTHEST:e} m"));
+            }
             let area_vector = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            if !(area_vector.length_squared() > 1e-30) {
+            let squared = area_vector.length_squared();
+            if squared.is_nan() || squared <= 1e-30 {
                 self.rejected.zero_area += 1;
                 continue;
             }

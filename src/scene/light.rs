@@ -1,7 +1,6 @@
 //! Lights that are not surfaces, rectangles that emit, and the form in which kernels take them. Radiometric units:
 //! W/sr for point and spot, W/m² for directional (irradiance on a facing surface), W/(sr m²) for area.
 
-use crate::kernels::direct_light::{DIRECTIONAL, EMITTERS, POINT, SPOT};
 use crate::scene::{Geometry, Material};
 use glam::Vec3;
 
@@ -37,6 +36,12 @@ pub struct Light {
     /// Linear Rec.709 colour times intensity, in the unit of the kind.
     pub intensity: Vec3,
 }
+
+/// `LightRecord::kind`; the same numbers in `shaders/direct_light.wgsl`.
+pub const POINT: u32 = 0;
+pub const SPOT: u32 = 1;
+pub const DIRECTIONAL: u32 = 2;
+pub const EMITTERS: u32 = 3;
 
 /// One light as `kernels::direct_light` reads it.
 #[repr(C)]

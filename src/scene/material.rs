@@ -74,6 +74,11 @@ impl Material {
         [r, g, b, self.roughness]
     }
 
+    pub fn is_finite(&self) -> bool {
+        let single = [self.roughness, self.metallic, self.specular];
+        self.base_colour.iter().chain(&self.emission).chain(&single).all(|x| x.is_finite())
+    }
+
     pub fn emits(&self) -> bool {
         self.emission.iter().any(|&e| e > 0.0)
     }

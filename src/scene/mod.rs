@@ -7,6 +7,7 @@ pub mod file;
 pub mod geometry;
 pub mod light;
 pub mod material;
+pub mod sound;
 pub mod wide;
 
 pub use camera::Camera;

@@ -82,12 +82,12 @@ type BoxTest = fn(&WideNode, &Slabs, f32, &mut [f32; 8]) -> u32;
 #[inline(always)]
 fn test_boxes_plain(node: &WideNode, slabs: &Slabs, t_max: f32, entry: &mut [f32; 8]) -> u32 {
     let mut mask = 0;
-    for i in 0..8 {
+    for (i, entry) in entry.iter_mut().enumerate() {
         let plane =
             |axis: usize, side: &[usize; 3]| (node.bounds[side[axis]][i] - slabs.origin[axis]) * slabs.inverse[axis];
         let near = plane(0, &slabs.near).max(plane(1, &slabs.near)).max(plane(2, &slabs.near)).max(0.0);
         let far = plane(0, &slabs.far).min(plane(1, &slabs.far)).min(plane(2, &slabs.far)).min(t_max);
-        entry[i] = near;
+        *entry = near;
         mask |= u32::from(near <= far * SLACK) << i;
     }
     mask

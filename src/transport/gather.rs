@@ -9,12 +9,14 @@ use crate::scene::bvh::Ray;
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::cluster;
 use crate::transport::sampling;
-use crate::transport::sides::Live;
 use crate::{Error, Result};
 use glam::{Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
+
+/// Which sides of each triangle are live (see `sides`). Bit 0: its front; bit 1: its back.
+pub type Live = Vec<u8>;
 
 /// Says that a side of a triangle is dead, in `Gather::sides`.
 pub const DEAD: u32 = u32::MAX;
@@ -60,7 +62,7 @@ impl Gather {
             ));
         }
         let area = live_area(geometry, live);
-        if !(area > 0.0) {
+        if area.is_nan() || area <= 0.0 {
             return Err(Error::compute(
                 "no surface is in view, so there is nothing to gather light from",
                 "turn the camera towards the scene",

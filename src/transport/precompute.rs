@@ -192,7 +192,7 @@ impl<'a> Packer<'a> {
         let seeds: Array<u32> = samples.iter().map(|&i| sampling::hash(i as u32)).collect::<Vec<_>>().into();
         let Quality { rays, credit, .. } = self.quality;
         let mut cast = transfer_rows(self.device, self.geometry, self.gather, points, &seeds, rays, credit)?;
-        self.pack(cast.nodes.par_chunks_mut(rays as usize), |nodes, row| count_nodes(nodes, row))?;
+        self.pack(cast.nodes.par_chunks_mut(rays as usize), count_nodes)?;
         Ok(cast.distances)
     }
 

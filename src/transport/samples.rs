@@ -4,7 +4,7 @@ use crate::device::{Array, Device};
 use crate::kernels::primary_visibility::primary_visibility;
 use crate::scene::{Camera, Geometry, Material, SurfacePoint};
 use crate::transport::rows::Grid;
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use rayon::prelude::*;
 
 /// N = width x height x across x down points, row-major by pixel, samples of a pixel together.
@@ -22,9 +22,12 @@ pub struct Samples {
 }
 
 impl Samples {
+    /// Of one sample.
+    const BYTES: u64 = 48 + 8;
+
     /// Shoots one ray through the middle of each part of each pixel.
     ///
-    /// Errors: no pixels; more samples than 2^31.
+    /// Errors: no pixels; more samples than 2^31, or than fit into memory.
     pub fn view(
         device: &Device,
         geometry: &Geometry,
@@ -38,6 +41,9 @@ impl Samples {
             let message = format!("{} x {} pixels with {per_pixel} samples are more than 2^31", size.0, size.1);
             return Err(Error::compute(message, "lower width, height or samples_per_pixel"));
         }
+        // Each as it is found and as it is kept.
+        let what = format!("{} x {} pixels with {per_pixel} samples", size.0, size.1);
+        memory::require(2 * Self::BYTES * count, &what, "lower width, height or samples_per_pixel")?;
         let middle = |i: u32, n: u32| (i as f32 + 0.5) / n as f32;
         let offsets: Vec<[f32; 2]> =
             (0..down).flat_map(|y| (0..across).map(move |x| [middle(x, across), middle(y, down)])).collect();
@@ -58,7 +64,7 @@ impl Samples {
     }
 
     pub fn bytes(&self) -> u64 {
-        (48 + 8) * self.points.len() as u64
+        Self::BYTES * self.points.len() as u64
     }
 
     /// The samples side by side, as row placement wants them.

@@ -7,12 +7,10 @@
 
 use crate::kernels::transfer_rows::unit_ray;
 use crate::scene::{Geometry, SurfacePoint};
+use crate::transport::gather::Live;
 use crate::transport::sampling;
 use rayon::prelude::*;
 use std::collections::HashMap;
-
-/// Bit 0: the front of the triangle is live; bit 1: its back.
-pub type Live = Vec<u8>;
 
 const RAYS: u32 = 32;
 /// A share of rays below this is a crack between triangles, not a view.

@@ -1,0 +1,169 @@
+//! Whether a glTF file can be read without surprises. The importer trusts numbers that it should not: it would panic on
+//! an accessor past its buffer, a type that no mesh has, or a light that is not there.
+
+use crate::{Error, Result};
+use gltf::accessor::{DataType, Dimensions};
+use gltf::{Accessor, Semantic};
+use serde_json::Value as Json;
+use std::path::Path;
+
+/// Vertices that an accessor without data of its own may have (all zero but for a few).
+const MOST_WITHOUT_DATA: usize = 1 << 24;
+
+const UNREADABLE: [(&str, &str); 4] = [
+    ("KHR_draco_mesh_compression", "Draco"),
+    ("EXT_meshopt_compression", "meshopt"),
+    ("KHR_meshopt_compression", "meshopt"),
+    ("KHR_texture_basisu", "Basis Universal texture"),
+];
+
+/// The JSON part of a .glb, or all of a .gltf.
+pub fn json_chunk(bytes: &[u8]) -> Option<Json> {
+    if !bytes.starts_with(b"glTF") {
+        return serde_json::from_slice(bytes).ok();
+    }
+    let length = u32::from_le_bytes(bytes.get(12..16)?.try_into().ok()?) as usize;
+    serde_json::from_slice(bytes.get(20..20usize.checked_add(length)?)?).ok()
+}
+
+/// The bytes that a URI with `%20` and the like stands for.
+pub fn percent_decoded(uri: &str) -> Vec<u8> {
+    let mut out = Vec::new();
+    let mut rest = uri.as_bytes();
+    while let Some((&byte, after)) = rest.split_first() {
+        let hex = after.get(..2).and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
+        match hex.filter(|_| byte == b'%') {
+            Some(decoded) => {
+                out.push(decoded);
+                rest = &after[2..];
+            }
+            None => {
+                out.push(byte);
+                rest = after;
+            }
+        }
+    }
+    out
+}
+
+/// What can be seen before the importer looks: compression that is not read, parts that it takes for granted.
+///
+/// Errors: `Error::File`.
+pub fn check_json(path: &Path, json: &Json) -> Result<()> {
+    let list = |pointer: &str| json.pointer(pointer).and_then(Json::as_array).into_iter().flatten();
+    for name in list("/extensionsRequired").filter_map(Json::as_str) {
+        if let Some((_, what)) = UNREADABLE.iter().find(|(extension, _)| *extension == name) {
+            let help = "decompress it first, for example: gltf-transform copy in.glb out.glb";
+            return Err(Error::file(path, format!("uses {what} compression ({name}), which is not read"), help));
+        }
+    }
+    for uri in list("/buffers").chain(list("/images")).filter_map(|entry| entry["uri"].as_str()) {
+        if String::from_utf8(percent_decoded(uri)).is_err() {
+            return Err(damaged(path, format!("\"{uri}\" is no path")));
+        }
+    }
+    for (index, image) in list("/images").enumerate() {
+        if image["uri"].is_null() && (image["bufferView"].is_null() || image["mimeType"].is_null()) {
+            return Err(damaged(path, format!("image {index} says neither a file nor a kind of embedded picture")));
+        }
+    }
+    for (index, camera) in list("/cameras").enumerate() {
+        if camera["type"].as_str().is_some_and(|kind| camera[kind].is_null()) {
+            return Err(damaged(path, format!("camera {index} has no lens")));
+        }
+    }
+    let lights: Vec<&Json> = list("/extensions/KHR_lights_punctual/lights").collect();
+    for (index, light) in lights.iter().enumerate() {
+        if light["type"] == "spot" && light["spot"].is_null() {
+            return Err(damaged(path, format!("light {index} is a spot without a cone")));
+        }
+    }
+    for (index, node) in list("/nodes").enumerate() {
+        let light = &node["extensions"]["KHR_lights_punctual"]["light"];
+        if light.as_u64().is_some_and(|light| light >= lights.len() as u64) {
+            return Err(damaged(path, format!("node {index} carries light {light} of {}", lights.len())));
+        }
+    }
+    Ok(())
+}
+
+fn damaged(path: &Path, what: String) -> Error {
+    Error::file(path, what, "the file is truncated or damaged; export it again")
+}
+
+/// Sizes and types of what meshes are made of.
+///
+/// Errors: `Error::File`.
+pub fn check_accessors(path: &Path, document: &gltf::Document, buffers: &[gltf::buffer::Data]) -> Result<()> {
+    for view in document.views() {
+        let length = buffers[view.buffer().index()].len();
+        if view.offset().checked_add(view.length()).is_none_or(|end| end > length) {
+            return Err(damaged(
+                path,
+                format!("buffer view {} ends past the {length} bytes of its buffer", view.index()),
+            ));
+        }
+    }
+    for accessor in document.accessors() {
+        check_sizes(&accessor).map_err(|what| damaged(path, format!("accessor {} {what}", accessor.index())))?;
+    }
+    for mesh in document.meshes() {
+        for primitive in mesh.primitives() {
+            let attributes = primitive.attributes().map(|(semantic, accessor)| (Some(semantic), accessor));
+            for (semantic, accessor) in attributes.chain(primitive.indices().map(|accessor| (None, accessor))) {
+                check_type(semantic, &accessor).map_err(|what| {
+                    damaged(path, format!("mesh {}, accessor {}: {what}", mesh.index(), accessor.index()))
+                })?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_sizes(accessor: &Accessor) -> std::result::Result<(), String> {
+    let holds = |what: &str, view: &gltf::buffer::View, offset: usize, count: usize, size: usize| {
+        let stride = view.stride().unwrap_or(size);
+        if stride < size {
+            return Err(format!("has {what} {size} bytes long, every {stride} bytes"));
+        }
+        let needed = (count - 1).saturating_mul(stride).saturating_add(size).saturating_add(offset);
+        match needed > view.length() {
+            true => Err(format!("needs {needed} bytes for its {what}, its view has {}", view.length())),
+            false => Ok(()),
+        }
+    };
+    if accessor.count() == 0 {
+        return Err("is empty".into());
+    }
+    match accessor.view() {
+        Some(view) => holds("elements", &view, accessor.offset(), accessor.count(), accessor.size())?,
+        None if accessor.count() > MOST_WITHOUT_DATA => {
+            return Err(format!("has {} elements and no data", accessor.count()));
+        }
+        None => {}
+    }
+    let Some(sparse) = accessor.sparse() else { return Ok(()) };
+    if sparse.count() == 0 || sparse.count() > accessor.count() {
+        return Err(format!("replaces {} of its {} elements", sparse.count(), accessor.count()));
+    }
+    let (indices, values) = (sparse.indices(), sparse.values());
+    holds("indices", &indices.view(), indices.offset(), sparse.count(), indices.index_type().size())?;
+    holds("replacements", &values.view(), values.offset(), sparse.count(), accessor.size())
+}
+
+/// `None` for indices.
+fn check_type(semantic: Option<Semantic>, accessor: &Accessor) -> std::result::Result<(), String> {
+    use DataType::{F32, U8, U16, U32};
+    let (what, kinds, dimensions): (&str, &[DataType], Dimensions) = match semantic {
+        Some(Semantic::Positions) => ("positions", &[F32], Dimensions::Vec3),
+        Some(Semantic::Normals) => ("normals", &[F32], Dimensions::Vec3),
+        Some(Semantic::TexCoords(_)) => ("texture coordinates", &[F32, U8, U16], Dimensions::Vec2),
+        None => ("indices", &[U8, U16, U32], Dimensions::Scalar),
+        // Not read.
+        Some(_) => return Ok(()),
+    };
+    match kinds.contains(&accessor.data_type()) && accessor.dimensions() == dimensions {
+        true => Ok(()),
+        false => Err(format!("{what} are not {:?} of {:?}", accessor.dimensions(), accessor.data_type())),
+    }
+}
