@@ -4,11 +4,12 @@
 //! own pixels' colour, unless it names a new caster.
 
 use crate::device::Array;
+use crate::image::{Image, Layer};
 use crate::kernels::direct_light::{Lit, View, direct_light};
 use crate::node::{Facet, Info, Inputs, Job, Key, Node, Port};
 use crate::scene::light::{Source, surfaces};
 use crate::scene::{Geometry, Light, Material, SurfacePoint};
-use crate::transport::lighting::{Prepared, Shading, exitance};
+use crate::transport::lighting::{Prepared, Shading, exitance, sum, surface_layers};
 use crate::transport::samples::reflectance;
 use crate::transport::{Edits, Transfer};
 use crate::value::{Kind, Value};
@@ -96,7 +97,7 @@ struct Stage<'a> {
 const VEC4: u64 = 16;
 
 impl Stage<'_> {
-    fn image(&self, lights: &[Light], edits: &Edits) -> Result<crate::image::Image> {
+    fn image(&self, lights: &[Light], edits: &Edits) -> Result<Image> {
         let samples = &self.transfer.samples;
         let gather = &self.transfer.gather;
         let device = self.job.device;
@@ -124,9 +125,8 @@ impl Stage<'_> {
             progress.advance(1)?;
         }
         drop(progress);
-        let direct = sum(samples.points.len(), at_view.iter().map(|lit| &lit.irradiance));
-        let highlight =
-            if glossy { sum(samples.points.len(), at_view.iter().map(|lit| &lit.highlight)) } else { vec![] };
+        let direct = total(samples.points.len(), &at_view, |lit| &lit.irradiance);
+        let highlight = if glossy { total(samples.points.len(), &at_view, |lit| &lit.highlight) } else { vec![] };
 
         let prepared = Prepared::new(edits, self.transfer)?;
         let shares: Vec<&[u8]> = prepared.atoms.shares.iter().map(|shares| bytemuck::cast_slice(shares)).collect();
@@ -135,7 +135,7 @@ impl Stage<'_> {
             key,
             |e: &Vec<[f32; 4]>| VEC4 * e.len() as u64,
             || {
-                let received = sum(gather.count(), at_gather.iter().map(|lit| &lit.irradiance));
+                let received = total(gather.count(), &at_gather, |lit| &lit.irradiance);
                 let leaving = exitance(device, self.transfer, &received, &gather_reflectance)?;
                 prepared.irradiance(device, self.transfer, &leaving)
             },
@@ -157,8 +157,12 @@ impl Stage<'_> {
             highlight: &highlight,
             emission: &emission,
         };
+        let key = Key::of(&[b"surface", &self.place.0, &self.stuff.0]);
+        let bytes = |layers: &Vec<Layer>| layers.iter().map(|layer| 4 * layer.data.len() as u64).sum();
+        let fixed = self.job.memo(key, bytes, || Ok(surface_layers(samples, &view_reflectance)))?;
+        let layers = shading.layers().into_iter().chain(fixed.iter().cloned()).collect();
         let (width, height) = (samples.width, samples.height);
-        Ok(crate::image::Image { width, height, layers: shading.layers(), metadata: vec![] })
+        Ok(Image { width, height, layers, metadata: vec![] })
     }
 
     fn reflectance(&self, what: &[u8], points: &[SurfacePoint], at: &[[f32; 2]]) -> Result<Arc<Vec<[f32; 4]>>> {
@@ -187,11 +191,7 @@ impl Stage<'_> {
     }
 }
 
-/// Adds vectors of light up, in order.
-fn sum<'a>(count: usize, vectors: impl Iterator<Item = &'a Vec<[f32; 4]>>) -> Vec<[f32; 4]> {
-    let mut total = vec![[0.0; 4]; count];
-    for vector in vectors {
-        total.iter_mut().zip(vector).for_each(|(sum, more)| (0..4).for_each(|c| sum[c] += more[c]));
-    }
-    total
+/// The light of all sources at N samples.
+fn total(count: usize, lit: &[Arc<Lit>], part: impl Fn(&Lit) -> &Vec<[f32; 4]>) -> Vec<[f32; 4]> {
+    sum(count, &lit.iter().map(|lit| &part(lit)[..]).collect::<Vec<_>>())
 }

@@ -5,7 +5,23 @@ use std::path::{Path, PathBuf};
 /// What each part may use of the crate, besides itself, `Error`, `Result` and what everyone may (`EVERYONE`). A row names
 /// only rows below it.
 const MAY_USE: &[(&str, &[&str])] = &[
-    ("cli", &["eval", "graph", "node", "nodes", "params", "value", "image", "scene", "transport", "kernels", "device"]),
+    (
+        "cli",
+        &[
+            "eval",
+            "graph",
+            "node",
+            "nodes",
+            "params",
+            "value",
+            "image",
+            "scene",
+            "transport",
+            MATRIX,
+            "kernels",
+            "device",
+        ],
+    ),
     ("eval", &["graph", "node", "params", "value", "device"]),
     ("nodes", &["node", "params", "value", "transport", "scene", "image", "kernels", "device"]),
     // An error carries the problems of a graph; the one knot, because everyone may name errors.

@@ -1,5 +1,6 @@
 //! The command line: one file per subcommand. Messages and progress go to stderr; stdout carries what was asked for.
 
+mod bench;
 mod check;
 mod devices;
 pub mod diff;
@@ -35,6 +36,7 @@ enum Command {
     Nodes(node_help::Args),
     Schema(schema::Args),
     Devices(devices::Args),
+    Bench(bench::Args),
 }
 
 impl Cli {
@@ -58,6 +60,7 @@ impl Cli {
             Command::Nodes(args) => args.run(registry),
             Command::Schema(args) => args.run(registry),
             Command::Devices(args) => args.run(),
+            Command::Bench(args) => args.run(registry),
         }
     }
 }

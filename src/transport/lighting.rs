@@ -102,56 +102,94 @@ pub struct Shading<'a> {
     /// Irradiance straight from lights, and that of indirect light.
     pub direct: &'a [[f32; 4]],
     pub indirect: &'a [[f32; 4]],
-    /// Radiance of highlights, and radiance that surfaces emit.
+    /// Radiance of highlights, empty for none; and radiance that surfaces emit.
     pub highlight: &'a [[f32; 4]],
     pub emission: &'a (dyn Fn(usize) -> Vec3 + Sync),
 }
 
 impl Shading<'_> {
-    /// Beauty and the layers `direct`, `indirect` (radiance, albedo included), `albedo`, `P`, `N`, `Z`: box-filtered
-    /// over the samples of a pixel. P, N and Z are averages over those samples that hit something; Z is the distance
-    /// along the camera's axis, 0 where there is nothing.
+    /// The layers that change with light: beauty, `direct` and `indirect` (radiance, albedo included), box-filtered over
+    /// the samples of a pixel.
     pub fn layers(&self) -> Vec<Layer> {
-        let direct = self.resolve(|i| {
+        let direct = resolve(self.samples, |i| {
             let diffuse = rgb(self.reflectance[i]) * rgb(self.direct[i]) * FRAC_1_PI;
             let highlight = self.highlight.get(i).map_or(Vec3::ZERO, |h| rgb(*h));
-            (diffuse + highlight + (self.emission)(i)).extend(0.0)
+            // The fourth element counts coverage.
+            (diffuse + highlight + (self.emission)(i)).extend(self.reflectance[i][3])
         });
-        let indirect = self.resolve(|i| (rgb(self.reflectance[i]) * rgb(self.indirect[i]) * FRAC_1_PI).extend(0.0));
-        let albedo = self.resolve(|i| Vec4::from_array(self.reflectance[i]));
-        let covered = |p: usize, v: Vec4| if albedo[p].w > 0.0 { v / albedo[p].w } else { Vec4::ZERO };
-        let points = &self.samples.points;
-        let camera = &self.samples.camera;
-        let position = self.resolve(|i| Vec3::from(points[i].position).extend(0.0));
-        let normal = self.resolve(|i| Vec3::from(points[i].normal).extend(0.0));
-        let depth = |p: Vec3| (camera.position - p).dot(camera.world_from_camera.z_axis);
-        let three =
-            |values: &dyn Fn(usize) -> Vec3| (0..albedo.len()).flat_map(|p| values(p).to_array()).collect::<Vec<f32>>();
-        let beauty =
-            (0..albedo.len()).flat_map(|p| (direct[p] + indirect[p]).truncate().extend(albedo[p].w).to_array());
-        let where_ = |p: usize| covered(p, position[p]).truncate();
-        let z = (0..albedo.len()).map(|p| if albedo[p].w > 0.0 { depth(where_(p)) } else { 0.0 });
-        let (rgb_names, xyz) = (["R", "G", "B"], ["X", "Y", "Z"]);
+        let indirect =
+            resolve(self.samples, |i| (rgb(self.reflectance[i]) * rgb(self.indirect[i]) * FRAC_1_PI).extend(0.0));
+        let pixels = direct.len();
         vec![
-            Layer::new("", &["R", "G", "B", "A"], Content::Colour, beauty.collect()),
-            Layer::new("direct", &rgb_names, Content::Colour, three(&|p| direct[p].truncate())),
-            Layer::new("indirect", &rgb_names, Content::Colour, three(&|p| indirect[p].truncate())),
-            Layer::new("albedo", &rgb_names, Content::Colour, three(&|p| albedo[p].truncate())),
-            Layer::new("P", &xyz, Content::Data, three(&where_)),
-            Layer::new("N", &xyz, Content::Data, three(&|p| normal[p].truncate().normalize_or_zero())),
-            Layer::new("Z", &["Z"], Content::Data, z.collect()),
+            layer("", &["R", "G", "B", "A"], Content::Colour, pixels, |p| (direct[p] + indirect[p]).to_array()),
+            layer("direct", &["R", "G", "B"], Content::Colour, pixels, |p| direct[p].truncate().to_array()),
+            layer("indirect", &["R", "G", "B"], Content::Colour, pixels, |p| indirect[p].truncate().to_array()),
         ]
     }
+}
 
-    /// Mean over the samples of each pixel.
-    fn resolve(&self, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4> {
-        let per_pixel = self.samples.per_pixel();
-        (0..self.samples.width * self.samples.height)
-            .into_par_iter()
-            .with_min_len(4096)
-            .map(|pixel| (pixel * per_pixel..(pixel + 1) * per_pixel).map(&value).sum::<Vec4>() / per_pixel as f32)
-            .collect()
-    }
+/// The layers that light does not change: `albedo`, `P`, `N`, `Z`. P, N and Z are averages over those samples of a pixel
+/// that hit something; Z is the distance along the camera's axis, 0 where there is nothing.
+pub fn surface_layers(samples: &Samples, reflectance: &[[f32; 4]]) -> Vec<Layer> {
+    let albedo = resolve(samples, |i| Vec4::from_array(reflectance[i]));
+    let points = &samples.points;
+    let camera = &samples.camera;
+    let position = resolve(samples, |i| Vec3::from(points[i].position).extend(0.0));
+    let normal = resolve(samples, |i| Vec3::from(points[i].normal).extend(0.0));
+    let place = |p: usize| if albedo[p].w > 0.0 { position[p].truncate() / albedo[p].w } else { Vec3::ZERO };
+    let depth = |p: usize| match albedo[p].w {
+        covered if covered > 0.0 => (camera.position - place(p)).dot(camera.world_from_camera.z_axis),
+        _ => 0.0,
+    };
+    let pixels = albedo.len();
+    vec![
+        layer("albedo", &["R", "G", "B"], Content::Colour, pixels, |p| albedo[p].truncate().to_array()),
+        layer("P", &["X", "Y", "Z"], Content::Data, pixels, |p| place(p).to_array()),
+        layer("N", &["X", "Y", "Z"], Content::Data, pixels, |p| normal[p].truncate().normalize_or_zero().to_array()),
+        layer("Z", &["Z"], Content::Data, pixels, |p| [depth(p)]),
+    ]
+}
+
+fn layer<const C: usize>(
+    name: &str,
+    channels: &[&str; C],
+    content: Content,
+    pixels: usize,
+    value: impl Fn(usize) -> [f32; C] + Sync,
+) -> Layer {
+    let mut data = vec![0.0; C * pixels];
+    data.par_chunks_mut(C * TILE).enumerate().for_each(|(tile, data)| {
+        for (i, out) in data.chunks_exact_mut(C).enumerate() {
+            out.copy_from_slice(&value(tile * TILE + i));
+        }
+    });
+    Layer::new(name, channels, content, data)
+}
+
+/// Pixels or samples that one task works on.
+const TILE: usize = 4096;
+
+/// Mean over the samples of each pixel.
+fn resolve(samples: &Samples, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4> {
+    let per_pixel = samples.per_pixel();
+    (0..samples.width * samples.height)
+        .into_par_iter()
+        .with_min_len(TILE)
+        .map(|pixel| (pixel * per_pixel..(pixel + 1) * per_pixel).map(&value).sum::<Vec4>() / per_pixel as f32)
+        .collect()
+}
+
+/// Adds `count` elements of vectors of light up, in order.
+pub fn sum(count: usize, vectors: &[&[[f32; 4]]]) -> Vec<[f32; 4]> {
+    let mut total = vec![[0.0; 4]; count];
+    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| {
+        for vector in vectors {
+            for (sum, more) in total.iter_mut().zip(&vector[tile * TILE..]) {
+                *sum = (Vec4::from_array(*sum) + Vec4::from_array(*more)).to_array();
+            }
+        }
+    });
+    total
 }
 
 fn rgb(value: [f32; 4]) -> Vec3 {

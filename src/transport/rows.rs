@@ -13,7 +13,7 @@ use glam::Vec3;
 /// How finely rows are placed; all from the tolerance.
 #[derive(Clone, Copy, Debug)]
 pub struct Spacing {
-    /// Largest cell, in grid samples; a power of two. 1: a row for every sample.
+    /// Largest cell, in pixels; a power of two. 1: a row for every sample.
     pub largest: usize,
     /// Largest cell edge over the distance to the surroundings.
     pub relative: f32,
@@ -108,7 +108,8 @@ pub fn place<'m>(grid: &Grid, spacing: Spacing, measure: &'m mut Measure<'m>) ->
 
 impl Planner<'_, '_> {
     fn subdivide(&mut self) -> crate::Result<Vec<(usize, usize)>> {
-        let mut size = self.spacing.largest;
+        let finest = self.finest();
+        let mut size = self.spacing.largest * finest;
         let step = |length: usize| (0..length).step_by(size);
         let mut cells: Vec<Cell> =
             step(self.grid.height).flat_map(|y| step(self.grid.width).map(move |x| Cell { x, y, size })).collect();
@@ -118,11 +119,19 @@ impl Planner<'_, '_> {
                 loose.extend(cells.iter().map(|cell| (cell.x, cell.y)));
                 break;
             }
+            // What varies within a pixel is averaged away: cells need not be smaller than one.
             let (smooth, mut broken): (Vec<Cell>, Vec<Cell>) = cells.into_iter().partition(|cell| self.is_smooth(cell));
+            if size <= finest {
+                loose.extend(broken.drain(..).flat_map(|cell| self.within(&cell)));
+            }
             let wanted: Vec<usize> = smooth.iter().flat_map(|cell| self.corners(cell)).collect();
             self.compute(wanted)?;
             for cell in smooth {
-                if self.is_small(&cell) { self.interpolate(&cell) } else { broken.push(cell) }
+                if size <= finest && finest > 1 || self.is_small(&cell) {
+                    self.interpolate(&cell)
+                } else {
+                    broken.push(cell)
+                }
             }
             size /= 2;
             cells = broken
@@ -138,6 +147,16 @@ impl Planner<'_, '_> {
                 .collect();
         }
         Ok(loose)
+    }
+
+    /// Samples across a pixel: finer cells follow its surroundings, not its silhouette.
+    fn finest(&self) -> usize {
+        self.grid.across.max(self.grid.down).next_power_of_two()
+    }
+
+    fn within(&self, cell: &Cell) -> Vec<(usize, usize)> {
+        let (x1, y1) = ((cell.x + cell.size).min(self.grid.width), (cell.y + cell.size).min(self.grid.height));
+        (cell.y..y1).flat_map(|y| (cell.x..x1).map(move |x| (x, y))).collect()
     }
 
     /// The far edge of a cell's corners, which may lie in the next cell.
@@ -181,14 +200,12 @@ impl Planner<'_, '_> {
     fn interpolate(&mut self, cell: &Cell) {
         let (x1, y1) = self.far(cell);
         let rows = self.corners(cell).map(|i| self.row[i]);
-        for y in cell.y..(cell.y + cell.size).min(self.grid.height) {
-            for x in cell.x..(cell.x + cell.size).min(self.grid.width) {
-                let fx = if x1 > cell.x { (x - cell.x) as f32 / (x1 - cell.x) as f32 } else { 0.0 };
-                let fy = if y1 > cell.y { (y - cell.y) as f32 / (y1 - cell.y) as f32 } else { 0.0 };
-                let weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
-                self.stencils[self.grid.index(x, y)] = Stencil { rows, weights };
-                self.resolved += 1;
-            }
+        for (x, y) in self.within(cell) {
+            let fx = if x1 > cell.x { (x - cell.x) as f32 / (x1 - cell.x) as f32 } else { 0.0 };
+            let fy = if y1 > cell.y { (y - cell.y) as f32 / (y1 - cell.y) as f32 } else { 0.0 };
+            let weights = [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy];
+            self.stencils[self.grid.index(x, y)] = Stencil { rows, weights };
+            self.resolved += 1;
         }
     }
 
@@ -198,7 +215,7 @@ impl Planner<'_, '_> {
         let mut todo: Vec<Vec<(usize, usize)>> = Vec::new();
         let mut loose: Vec<(usize, usize)> =
             loose.into_iter().filter(|&(x, y)| self.grid.point(x, y).exists()).collect();
-        let mut size = self.spacing.largest.min(4);
+        let mut size = self.spacing.largest.min(4) * self.finest();
         loose.sort_unstable_by_key(|&(x, y)| (y / size, x / size, y, x));
         for block in loose.chunk_by(|a, b| (a.1 / size, a.0 / size) == (b.1 / size, b.0 / size)) {
             todo.extend(self.groups(block));
@@ -213,7 +230,7 @@ impl Planner<'_, '_> {
                 let limit = 0.5 * self.spacing.relative * self.reach[row as usize];
                 let fits =
                     |&(x, y): &(usize, usize)| (Vec3::from(self.grid.point(x, y).position) - centre).length() <= limit;
-                if size == 1 || group.iter().all(fits) {
+                if size <= self.finest() || group.iter().all(fits) {
                     for &(x, y) in group {
                         self.stencils[self.grid.index(x, y)] = Stencil::one(row);
                         self.resolved += 1;

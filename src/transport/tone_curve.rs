@@ -29,8 +29,16 @@ fn one() -> f32 {
     1.0
 }
 
-/// Knots a decade in the table of a gamma curve: the cubic between them is off by less than 1e-4 of the value.
-const PER_DECADE: i32 = 4;
+/// Knots a decade in the table of a gamma curve of this power: the cubic between them is off by less than 1e-4 of the
+/// value.
+fn per_decade(power: f32) -> i32 {
+    (5.0 * power).ceil().max(6.0) as i32
+}
+
+/// Decades that the table reaches to either side of the pivot: what it holds stays within f32.
+fn decades(power: f32) -> i32 {
+    (30.0 / power).clamp(1.0, 6.0) as i32
+}
 
 impl ToneCurve {
     /// What is wrong with the parameters, if anything.
@@ -58,9 +66,10 @@ impl ToneCurve {
             Self::None => Vec::new(),
             Self::Gamma { gamma, pivot } => {
                 let power = 1.0 / gamma;
-                (-6 * PER_DECADE..=6 * PER_DECADE)
+                let (step, reach) = (per_decade(power), decades(power) * per_decade(power));
+                (-reach..=reach)
                     .map(|i| {
-                        let x = pivot * 10f32.powf(i as f32 / PER_DECADE as f32);
+                        let x = pivot * 10f32.powf(i as f32 / step as f32);
                         let y = pivot * (x / pivot).powf(power);
                         Knot::new(x, y, power * y / x)
                     })

@@ -1,24 +1,16 @@
-//! Times the kernels that relighting is made of, beside the rate at which this machine streams memory in the same run:
-//! `cargo bench --bench kernels [-- --device gpu]`. Prints the median of several runs and the bytes that must be read.
+//! Times the kernels that relighting is made of, on made-up data, beside the rate at which this machine streams memory
+//! in the same run.
 
-use chiaro::device::{Array, Choice, Device};
-use chiaro::kernels::{self, colour_edits::ColourEdit};
-use chiaro::transport::sparse::{EntryFormat, SparseRows};
+use super::{head, time};
+use crate::device::{Array, Device};
+use crate::kernels::{self, colour_edits::ColourEdit};
+use crate::transport::sparse::{EntryFormat, SparseRows};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 use std::hint::black_box;
-use std::time::Instant;
 
-fn main() {
-    let gpu = std::env::args().any(|argument| argument == "gpu");
-    let device = match Device::open(if gpu { Choice::Gpu } else { Choice::Cpu }) {
-        Ok(device) => device,
-        Err(error) => {
-            eprintln!("{error}: {}", error.help());
-            std::process::exit(error.exit_code().into());
-        }
-    };
-    println!("{:<44} {:>9} {:>9} {:>9}", "", "median ms", "best ms", "GB/s");
+pub fn run(device: &Device) {
+    head("kernels");
     stream();
     for (rows, entries, index_bits, signed, count) in [
         (307_200, 100, 16, true, 1),
@@ -27,27 +19,12 @@ fn main() {
         (30_000, 700, 17, false, 2),
         (30_000, 700, 17, false, 4),
     ] {
-        product(&device, rows, entries, EntryFormat { index_bits, signed }, count);
+        product(device, rows, entries, EntryFormat { index_bits, signed }, count);
     }
     for count in [1, 4] {
-        vectors(&device, count);
+        vectors(device, count);
     }
-    edits(&device);
-}
-
-/// Median and best milliseconds of `run`, after one run that does not count.
-fn time(name: &str, bytes: usize, mut run: impl FnMut()) {
-    run();
-    let mut times: Vec<f64> = (0..15)
-        .map(|_| {
-            let start = Instant::now();
-            run();
-            start.elapsed().as_secs_f64() * 1e3
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    let median = times[times.len() / 2];
-    println!("{name:<44} {median:>9.2} {:>9.2} {:>9.1}", times[0], bytes as f64 / median * 1e-6);
+    edits(device);
 }
 
 /// Reads an array larger than the caches with every thread.

@@ -1,0 +1,194 @@
+//! Times a recipe: whole runs of the program, cold and warm, and one relight node by hand with a light on the move.
+
+use super::{head, measure, print};
+use crate::device::{Choice, Device};
+use crate::eval::{Context, Evaluator, Memory, Options};
+use crate::graph::{self, Document, Plan};
+use crate::node::{Facet, Inputs, Job, Key};
+use crate::params::NodeType;
+use crate::progress::{Progress, Silent};
+use crate::scene::{Light, LightKind, Scene};
+use crate::value::Value;
+use crate::{Error, Result};
+use glam::Vec3;
+use serde_json::Value as Json;
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+pub fn run(path: &Path, device: Device, choice: Choice, runs: u32, registry: &'static [NodeType]) -> Result<()> {
+    let document = graph::load(path)?;
+    let plan = Plan::new(&document, registry)?;
+    whole_runs(path, &document, choice)?;
+    moved_light(&plan, device, runs)
+}
+
+/// What one run of the program said in its report.
+struct Told {
+    /// Of the process, from outside.
+    seconds: f64,
+    report: Json,
+}
+
+impl Told {
+    fn nodes(&self) -> impl Iterator<Item = (&str, &str, f64)> {
+        let list = self.report["nodes"].as_array().into_iter().flatten();
+        list.filter_map(|n| Some((n["node"].as_str()?, n["cache"].as_str()?, n["seconds"].as_f64()?)))
+    }
+
+    fn megabytes(&self) -> f64 {
+        self.report["peak_memory_bytes"].as_f64().unwrap_or(f64::NAN) / (1 << 20) as f64
+    }
+}
+
+fn whole_runs(path: &Path, document: &Document, choice: Choice) -> Result<()> {
+    let folder = tempfile::tempdir().map_err(|e| Error::compute(format!("no temporary folder: {e}"), "set TMPDIR"))?;
+    let render = |set: Option<String>| render(path, folder.path(), choice, set);
+    let cold = render(None)?;
+    print(&format!("{:<52} {:>10}\n", "whole process, to the written files", "seconds"));
+    print(&format!("{:<52} {:>10.2}   peak {:.0} MiB\n", "cold", cold.seconds, cold.megabytes()));
+    for (node, _, seconds) in cold.nodes().filter(|(_, cache, seconds)| *cache == "computed" && *seconds >= 0.01) {
+        print(&format!("  {node:<50} {seconds:>10.2}\n"));
+    }
+    let mut warm: Vec<Told> = (0..5).map(|_| render(None)).collect::<Result<_>>()?;
+    warm.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    let middle = &warm[warm.len() / 2];
+    print(&format!(
+        "{:<52} {:>10.2}   peak {:.0} MiB\n",
+        "warm disk cache, median of 5",
+        middle.seconds,
+        middle.megabytes()
+    ));
+    if let Some((name, entry)) = document.nodes.iter().find(|(_, entry)| entry.kind == "caster_receiver") {
+        let brightness = entry.params.get("brightness").and_then(Json::as_f64).unwrap_or(1.0);
+        let slid = render(Some(format!("{name}.brightness={}", brightness * 1.1)))?;
+        let of = |kind: &str| {
+            slid.nodes().filter(|(_, cache, _)| *cache == kind).map(|(node, ..)| node).collect::<Vec<_>>().join(", ")
+        };
+        print(&format!(
+            "{:<52} {:>10.2}   from disk: {}; computed: {}\n",
+            format!("after {name}.brightness has changed"),
+            slid.seconds,
+            of("disk"),
+            of("computed")
+        ));
+    }
+    Ok(())
+}
+
+/// One run of this program with a cache and an output folder of its own.
+fn render(path: &Path, folder: &Path, choice: Choice, set: Option<String>) -> Result<Told> {
+    let failed = |what: String| {
+        Error::compute(format!("the measured run failed: {what}"), "render the recipe by hand to see why")
+    };
+    let program = std::env::current_exe().map_err(|e| failed(e.to_string()))?;
+    let report = folder.join("report.json");
+    let device = match choice {
+        Choice::Auto => "auto",
+        Choice::Cpu => "cpu",
+        Choice::Gpu => "gpu",
+    };
+    let mut command = Command::new(program);
+    command.arg("render").arg(path).args(["--progress", "none", "--device", device]);
+    command.arg("--cache").arg(folder.join("cache")).arg("--out").arg(folder.join("out")).arg("--report").arg(&report);
+    command.args(set.iter().flat_map(|set| ["--set", set]));
+    let start = Instant::now();
+    let output = command.output().map_err(|e| failed(e.to_string()))?;
+    let seconds = start.elapsed().as_secs_f64();
+    if !output.status.success() {
+        return Err(failed(String::from_utf8_lossy(&output.stderr).into_owned()));
+    }
+    let text = std::fs::read_to_string(&report).map_err(|e| failed(e.to_string()))?;
+    let report = serde_json::from_str(&text).map_err(|e| failed(e.to_string()))?;
+    Ok(Told { seconds, report })
+}
+
+/// Runs the first relight node again and again, its first lamp a little further along each time.
+fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
+    let Some(step) = plan.steps.iter().find(|step| step.node_type.info.name == "relight") else {
+        return Err(Error::usage("the recipe has no relight node", "name a recipe that lights something"));
+    };
+    let evaluator = Evaluator::new(Options::new(device));
+    let never = AtomicBool::new(false);
+    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let targets: Vec<usize> = step.inputs.iter().flatten().map(|wire| wire.step).collect();
+    let frame = plan.frames[0];
+    let mut found = evaluator.evaluate(plan, &targets, frame, &context, &mut Vec::new())?.into_iter();
+    let values: Vec<Option<Value>> = step
+        .inputs
+        .iter()
+        .map(|wire| wire.map(|wire| found.next().expect("one for each wire")[wire.output].clone()))
+        .collect();
+
+    let node = step.node(frame as f64)?;
+    let memory = Memory::new(1 << 30);
+    let relight = |lights: Option<Vec<Light>>, turn: u32| -> Result<()> {
+        let inputs = Inputs {
+            info: step.node_type.info,
+            values: values
+                .iter()
+                .enumerate()
+                .map(|(port, value)| {
+                    let value = value.clone()?;
+                    let mut keys = Facet::ALL.map(|facet| Key::of(&[&[port as u8, facet as u8]]));
+                    Some((
+                        match (&value, &lights) {
+                            (Value::Scene(scene), Some(lights)) => {
+                                keys[Facet::Lights as usize] = Key::of(&[b"moved", &turn.to_le_bytes()]);
+                                Value::Scene(Arc::new(Scene { lights: Arc::new(lights.clone()), ..(**scene).clone() }))
+                            }
+                            _ => value,
+                        },
+                        keys,
+                    ))
+                })
+                .collect(),
+        };
+        let job = Job {
+            device: evaluator.device(),
+            progress: Progress { node: &step.name, sink: &Silent, cancel: &never },
+            memo: &memory,
+            frame: 0.0,
+            fps: plan.fps,
+            base: &plan.base,
+            out: None,
+            recipe: &plan.recipe,
+            key: Key::of(&[&turn.to_le_bytes()]),
+            notes: &Mutex::default(),
+        };
+        node.run(&inputs, &job).map(drop)
+    };
+    let lights = values.iter().flatten().find_map(|value| match value {
+        Value::Scene(scene) => Some(scene.lights.to_vec()),
+        _ => None,
+    });
+    let Some(lights) = lights.filter(|lights| !lights.is_empty()) else {
+        return Err(Error::usage("the scene has no light to move", "name a recipe with a light"));
+    };
+    let mut turn = 0;
+    let mut failure = Ok(());
+    let (median, best) = measure(runs, || {
+        turn += 1;
+        let mut moved = lights.clone();
+        shift(&mut moved[0].kind, Vec3::new(0.004, 0.002, -0.003) * turn as f32);
+        if let Err(error) = relight(Some(moved), turn) {
+            failure = Err(error);
+        }
+    });
+    failure?;
+    head("in process");
+    let name = format!("{}: relight after \"{}\" has moved", step.name, lights[0].name);
+    print(&format!("{name:<52} {median:>10.1} {best:>10.1}\n"));
+    Ok(())
+}
+
+fn shift(kind: &mut LightKind, by: Vec3) {
+    match kind {
+        LightKind::Point { position } | LightKind::Spot { position, .. } | LightKind::Area { corner: position, .. } => {
+            *position += by
+        }
+        LightKind::Directional { direction } => *direction = (*direction + by).normalize(),
+    }
+}

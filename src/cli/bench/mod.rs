@@ -1,0 +1,68 @@
+//! `chiaro bench`: the figures of the README, on this machine.
+
+mod graph;
+mod kernels;
+
+use super::print;
+use crate::Result;
+use crate::device::{Choice, Device};
+use crate::params::NodeType;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Measure speed and memory on this machine
+///
+/// Without a graph: the kernels on made-up data, beside the machine's own streaming rate. With one: a cold and a warm
+/// run of the whole program, a changed slider, and relighting after a light has moved.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Recipe to measure; it needs a relight node
+    graph: Option<PathBuf>,
+    #[arg(long, value_enum, default_value_t)]
+    device: Choice,
+    /// Runs of each measurement; the median is printed
+    #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    runs: u32,
+}
+
+impl Args {
+    pub fn run(self, registry: &'static [NodeType]) -> Result<u8> {
+        let device = Device::open(self.device)?;
+        print(&format!("{}; {}\n", processor(), device.name()));
+        match &self.graph {
+            Some(path) => graph::run(path, device, self.device, self.runs, registry)?,
+            None => kernels::run(&device),
+        }
+        Ok(0)
+    }
+}
+
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    model.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
+}
+
+fn head(title: &str) {
+    print(&format!("{title:<52} {:>10} {:>10} {:>8}\n", "median ms", "best ms", "GB/s"));
+}
+
+/// Prints median and best milliseconds of `run` over 15 runs, after one that does not count. `bytes`: what must be read.
+fn time(name: &str, bytes: usize, run: impl FnMut()) {
+    let (median, best) = measure(15, run);
+    print(&format!("{name:<52} {median:>10.2} {best:>10.2} {:>8.1}\n", bytes as f64 / median * 1e-6));
+}
+
+/// Median and best milliseconds, after one run that does not count.
+fn measure(runs: u32, mut run: impl FnMut()) -> (f64, f64) {
+    run();
+    let mut times: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = Instant::now();
+            run();
+            start.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    (times[times.len() / 2], times[0])
+}
