@@ -223,7 +223,16 @@ impl<'a> Reader<'a> {
         self.fields(pointer, object, &["type", "params", "inputs"], "a node");
         let mut node = NodeEntry::default();
         match object.get("type") {
-            Some(Json::String(kind)) => node.kind = kind.clone(),
+            Some(Json::String(kind)) if !kind.is_empty() => node.kind = kind.clone(),
+            Some(Json::String(_)) => {
+                let help = "`chiaro nodes` lists the types";
+                self.complain(
+                    &child(pointer, "type"),
+                    Part::Value,
+                    format!("the type of node \"{name}\" is empty"),
+                    help,
+                );
+            }
             Some(other) => {
                 let message = format!("a type is a name in quotes, not {}", kind_of(other));
                 self.complain(&child(pointer, "type"), Part::Value, message, "");

@@ -5,7 +5,7 @@
 
 use crate::scene::geometry::{GeometryBuilder, Mesh};
 use crate::scene::material::{Texture, linear_from_srgb8};
-use crate::scene::sound::{check_accessors, check_json, json_chunk, percent_decoded};
+use crate::scene::sound::{check_accessors, check_json, json_part, percent_decoded};
 use crate::scene::{Camera, Light, LightKind, Material, Scene};
 use crate::{Error, Result};
 use glam::{Mat3, Mat4, Vec3};
@@ -28,11 +28,10 @@ pub struct Census {
 /// vertex or index that makes no sense.
 pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
     let bytes = std::fs::read(path).map_err(|e| Error::file(path, e.to_string(), "check the path in the recipe"))?;
-    if let Some(json) = json_chunk(&bytes) {
-        check_json(path, &json)?;
-    }
-    let broken =
-        |e: gltf::Error| Error::file(path, format!("is not a readable glTF file: {e}"), "export it again as glTF 2.0");
+    let export_again = "export it again as glTF 2.0";
+    // The importer skips text that it does not know; what cannot be read in full cannot be checked either.
+    check_json(path, &json_part(&bytes).map_err(|what| Error::file(path, what, export_again))?)?;
+    let broken = |e: gltf::Error| Error::file(path, format!("is not a readable glTF file: {e}"), export_again);
     let gltf = gltf::Gltf::from_slice(&bytes).map_err(broken)?;
     let (document, blob) = (gltf.document, gltf.blob);
     let base = path.parent();
@@ -81,7 +80,7 @@ pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
 
 /// Files that a .gltf file points to, relative to it; their content belongs to the scene's.
 pub fn dependencies(path: &Path) -> Vec<PathBuf> {
-    let Some(json) = std::fs::read(path).ok().and_then(|bytes| json_chunk(&bytes)) else { return vec![] };
+    let Some(json) = std::fs::read(path).ok().and_then(|bytes| json_part(&bytes).ok()) else { return vec![] };
     let folder = path.parent().unwrap_or(Path::new(""));
     let lists = ["buffers", "images"].into_iter().filter_map(|list| json.get(list)?.as_array());
     lists

@@ -17,13 +17,18 @@ const UNREADABLE: [(&str, &str); 4] = [
     ("KHR_texture_basisu", "Basis Universal texture"),
 ];
 
-/// The JSON part of a .glb, or all of a .gltf.
-pub fn json_chunk(bytes: &[u8]) -> Option<Json> {
-    if !bytes.starts_with(b"glTF") {
-        return serde_json::from_slice(bytes).ok();
-    }
-    let length = u32::from_le_bytes(bytes.get(12..16)?.try_into().ok()?) as usize;
-    serde_json::from_slice(bytes.get(20..20usize.checked_add(length)?)?).ok()
+/// The JSON part of a .glb, or all of a .gltf; otherwise, what is wrong with it.
+pub fn json_part(bytes: &[u8]) -> std::result::Result<Json, String> {
+    let text = if bytes.starts_with(b"glTF") {
+        let length = bytes
+            .get(12..16)
+            .map_or(usize::MAX, |word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]) as usize);
+        let part = 20usize.checked_add(length).and_then(|end| bytes.get(20..end));
+        part.ok_or_else(|| format!("ends after {} bytes, before its JSON does", bytes.len()))?
+    } else {
+        bytes
+    };
+    serde_json::from_slice(text).map_err(|error| format!("is not a readable glTF file: {error}"))
 }
 
 /// The bytes that a URI with `%20` and the like stands for.
@@ -57,6 +62,9 @@ pub fn check_json(path: &Path, json: &Json) -> Result<()> {
             return Err(Error::file(path, format!("uses {what} compression ({name}), which is not read"), help));
         }
     }
+    if let Some(version) = json.pointer("/asset/version").filter(|version| !version.to_string().starts_with("\"2")) {
+        return Err(Error::file(path, format!("is glTF {version}; 2.0 is read"), "export it again as glTF 2.0"));
+    }
     for uri in list("/buffers").chain(list("/images")).filter_map(|entry| entry["uri"].as_str()) {
         if String::from_utf8(percent_decoded(uri)).is_err() {
             return Err(damaged(path, format!("\"{uri}\" is no path")));
@@ -65,6 +73,19 @@ pub fn check_json(path: &Path, json: &Json) -> Result<()> {
     for (index, image) in list("/images").enumerate() {
         if image["uri"].is_null() && (image["bufferView"].is_null() || image["mimeType"].is_null()) {
             return Err(damaged(path, format!("image {index} says neither a file nor a kind of embedded picture")));
+        }
+    }
+    let accessors = list("/accessors").count() as u64;
+    for (index, mesh) in list("/meshes").enumerate() {
+        let primitives = mesh["primitives"].as_array().into_iter().flatten();
+        let attributes = primitives.filter_map(|primitive| primitive["attributes"].as_object()).flatten();
+        if let Some((name, accessor)) =
+            attributes.into_iter().find(|(_, accessor)| accessor.as_u64() >= Some(accessors))
+        {
+            return Err(damaged(
+                path,
+                format!("mesh {index} takes its {name} from accessor {accessor} of {accessors}"),
+            ));
         }
     }
     for (index, camera) in list("/cameras").enumerate() {
