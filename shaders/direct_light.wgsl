@@ -80,16 +80,18 @@ fn direct_light(
 }
 
 fn shade(point: SurfacePoint, index: u32, sum: ptr<function, Sum>) {
+    // All is measured from where shadow rays start: from below, a lifted ray to a lamp close by would end behind it.
+    let origin = lifted(point.position, point.geometric_normal, params.lift);
     let light = params.light;
     if light.kind == DIRECTIONAL {
-        add(point, -light.direction, FAR, light.intensity, sum);
+        add(point, origin, -light.direction, FAR, light.intensity, sum);
         return;
     }
     if light.kind == EMITTERS {
-        shade_emitters(point, index, sum);
+        shade_emitters(point, origin, index, sum);
         return;
     }
-    let to_light = light.position - point.position;
+    let to_light = light.position - origin;
     let distance = length(to_light);
     if distance > 0.0 {
         let towards = to_light / distance;
@@ -98,11 +100,11 @@ fn shade(point: SurfacePoint, index: u32, sum: ptr<function, Sum>) {
             let t = clamp((dot(-towards, light.direction) - light.cos_outer) * light.cone_scale, 0.0, 1.0);
             cone = t * t;
         }
-        add(point, towards, distance, light.intensity * (cone / (distance * distance)), sum);
+        add(point, origin, towards, distance, light.intensity * (cone / (distance * distance)), sum);
     }
 }
 
-fn shade_emitters(point: SurfacePoint, index: u32, sum: ptr<function, Sum>) {
+fn shade_emitters(point: SurfacePoint, origin: vec3<f32>, index: u32, sum: ptr<function, Sum>) {
     let turn = shift(index ^ params.light.seed);
     for (var i = 0u; i < params.samples; i++) {
         let pick = (f32(i) + turn.x) / f32(params.samples);
@@ -115,14 +117,16 @@ fn shade_emitters(point: SurfacePoint, index: u32, sum: ptr<function, Sum>) {
         let share = emitter.cumulative - before;
         let y = unit(i * 2654435769u) + turn.y;
         let at = triangle_point(vec2(clamp((pick - before) / share, 0.0, 1.0), y - floor(y)));
-        let towards = emitter.corner + emitter.edge_u * at.x + emitter.edge_v * at.y - point.position;
+        let towards = emitter.corner + emitter.edge_u * at.x + emitter.edge_v * at.y - origin;
         let distance = length(towards);
         let area_vector = cross(emitter.edge_u, emitter.edge_v) * 0.5;
         var facing = -dot(area_vector, towards) / distance;
         facing = select(max(facing, 0.0), abs(facing), emitter.two_sided == 1u);
-        let weight = facing / (distance * distance * share * f32(params.samples));
-        if weight < FAR {
-            add(point, towards / distance, distance * 0.9999, emitter.radiance * weight, sum);
+        let bounded = facing / (distance * distance * share);
+        if bounded < FAR {
+            // No sample may bring more than a sky full of its light: close to a lamp rare ones would sparkle.
+            let weight = min(bounded, PI) / f32(params.samples);
+            add(point, origin, towards / distance, distance * 0.9999, emitter.radiance * weight, sum);
         }
     }
 }
@@ -142,18 +146,24 @@ fn choose(pick: f32) -> u32 {
     return min(low, params.emitters - 1u);
 }
 
-fn add(point: SurfacePoint, towards: vec3<f32>, distance: f32, power: vec3<f32>, sum: ptr<function, Sum>) {
+fn add(
+    point: SurfacePoint,
+    origin: vec3<f32>,
+    towards: vec3<f32>,
+    distance: f32,
+    power: vec3<f32>,
+    sum: ptr<function, Sum>,
+) {
     let cosine = dot(point.normal, towards);
     if cosine <= 0.0 || dot(point.geometric_normal, towards) <= 0.0 || all(power == vec3(0.0)) {
         return;
     }
-    let origin = lifted(point.position, point.geometric_normal, params.lift);
     if any_hit(Ray(origin, towards, distance)) {
         return;
     }
     (*sum).irradiance += power * cosine;
     if params.highlights == 1u && point.material < params.materials {
-        let eye = normalize_or(params.eye - point.position, vec3(0.0));
+        let eye = normalize_or(params.eye - origin, vec3(0.0));
         (*sum).highlight += power * cosine * highlight(point.normal, eye, towards, gloss[point.material]);
     }
 }

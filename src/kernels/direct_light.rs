@@ -98,6 +98,11 @@ pub fn direct_light(
         pad0: 0,
         pad1: 0,
     };
+    if light.kind == EMITTERS && emitters.is_empty() {
+        let dark = vec![[0.0; 4]; points.len()];
+        let highlight = if view.is_some() { dark.clone() } else { Vec::new() };
+        return Ok(Lit { irradiance: dark, highlight });
+    }
     match device {
         Device::Cpu => Ok(cpu(geometry, points, &params, emitters, view.map_or(&[], |view| &view.gloss[..]))),
         #[cfg(feature = "gpu")]
@@ -186,7 +191,8 @@ fn shade(
         return (Vec3::ZERO, Vec3::ZERO);
     }
     let light = &params.light;
-    let position = Vec3::from(point.position);
+    // All is measured from where shadow rays start: from below, a lifted ray to a lamp close by would end behind it.
+    let origin = sampling::lifted(point.position.into(), point.geometric_normal.into(), params.lift);
     let intensity = Vec3::from(light.intensity);
     let mut sum = (Vec3::ZERO, Vec3::ZERO);
     // `radiance x solid angle` of light arriving along the unit vector `towards`, from `distance` away.
@@ -195,13 +201,12 @@ fn shade(
         if cosine <= 0.0 || Vec3::from(point.geometric_normal).dot(towards) <= 0.0 || power == Vec3::ZERO {
             return;
         }
-        let origin = sampling::lifted(position, point.geometric_normal.into(), params.lift);
         if geometry.bvh.any(&Ray { origin, direction: towards, t_max: distance }) {
             return;
         }
         sum.0 += power * cosine;
         if let (1, Some(gloss)) = (params.highlights, gloss) {
-            let eye = (Vec3::from(params.eye) - position).normalize_or_zero();
+            let eye = (Vec3::from(params.eye) - origin).normalize_or_zero();
             sum.1 += power * cosine * highlight(point.normal.into(), eye, towards, gloss);
         }
     };
@@ -222,20 +227,21 @@ fn shade(
                 );
                 let at = sampling::triangle(Vec2::new(at.x, at.y - at.y.floor()));
                 let (edge_u, edge_v) = (Vec3::from(emitter.edge_u), Vec3::from(emitter.edge_v));
-                let towards = Vec3::from(emitter.corner) + edge_u * at.x + edge_v * at.y - position;
+                let towards = Vec3::from(emitter.corner) + edge_u * at.x + edge_v * at.y - origin;
                 let distance = towards.length();
                 let area_vector = edge_u.cross(edge_v) * 0.5;
                 let facing = -area_vector.dot(towards) / distance;
                 let facing = if emitter.two_sided == 1 { facing.abs() } else { facing.max(0.0) };
                 // `facing` carries the area; dividing by the chance of this triangle makes the mean right.
-                let weight = facing / (distance * distance * share * params.samples as f32);
+                // No sample may bring more than a sky full of its light: close to a lamp rare ones would sparkle.
+                let weight = (facing / (distance * distance * share)).min(PI) / params.samples as f32;
                 if weight.is_finite() {
                     add(towards / distance, distance * 0.9999, Vec3::from(emitter.radiance) * weight);
                 }
             }
         }
         _ => {
-            let to_light = Vec3::from(light.position) - position;
+            let to_light = Vec3::from(light.position) - origin;
             let distance = to_light.length();
             let towards = to_light / distance;
             let cone = if light.kind == SPOT {

@@ -20,37 +20,45 @@ pub fn leaves(weights: &[f32], row: &mut Vec<(u32, f32)>) {
 }
 
 /// Merges sibling leaves and nodes of nearly equal weight, bottom up, as long as what is moved stays below `slack` of
-/// the row's total. `leaves` are the weights of all M gather samples.
+/// the row's total. What is hidden is never merged with what is seen. `leaves` are the weights of all M gather samples.
 pub fn merge_siblings(leaves: &[f32], slack: f32, row: &mut Vec<(u32, f32)>) {
     row.clear();
-    let count = leaves.len();
     let total: f32 = leaves.iter().sum();
-    // Shared out evenly over the nodes that a row may have.
-    let limit = slack * total / 256.0;
-    let mut level: Vec<Option<f32>> = leaves.iter().map(|&w| Some(w)).collect();
-    let mut first = count;
+    let mut allowance = slack * total;
+    // One pair may take a share of it that leaves something for the others.
+    let most = allowance / 64.0;
+    // `None`: the node is already in the row, by its parts.
+    let mut level: Vec<Option<f32>> = leaves.iter().map(|&weight| Some(weight)).collect();
+    let mut first = leaves.len() as u32;
+    let mut put = |node: u32, weight: Option<f32>| {
+        if let Some(weight) = weight.filter(|weight| *weight > 0.0) {
+            row.push((node, weight));
+        }
+    };
     while level.len() > 1 {
-        let above = level.chunks_exact(2).enumerate().map(|(i, pair)| {
-            let put = |row: &mut Vec<(u32, f32)>, side: usize, weight: f32| {
-                if weight > 0.0 {
-                    row.push(((first + 2 * i + side) as u32, weight));
+        let mut above = Vec::with_capacity(level.len() / 2);
+        for (pair, node) in level.as_chunks::<2>().0.iter().zip((first..).step_by(2)) {
+            let merged = match *pair {
+                [Some(a), Some(b)] => {
+                    let moved = 0.5 * (a - b).abs();
+                    let fits = moved <= most.min(allowance) && (a == 0.0) == (b == 0.0);
+                    fits.then(|| {
+                        allowance -= moved;
+                        a + b
+                    })
                 }
+                _ => None,
             };
-            match (pair[0], pair[1]) {
-                (Some(a), Some(b)) if (a - b).abs() <= limit => return Some(a + b),
-                (a, b) => {
-                    a.into_iter().for_each(|a| put(row, 0, a));
-                    b.into_iter().for_each(|b| put(row, 1, b));
-                }
+            if merged.is_none() {
+                put(node, pair[0]);
+                put(node + 1, pair[1]);
             }
-            None
-        });
-        level = above.collect();
+            above.push(merged);
+        }
+        level = above;
         first /= 2;
     }
-    if let Some(Some(weight)) = level.first().copied().filter(|w| w.is_some_and(|w| w > 0.0)) {
-        row.push((1, weight));
-    }
+    put(1, level[0]);
     row.sort_unstable_by_key(|entry| entry.0);
 }
 

@@ -149,9 +149,13 @@ impl Planner<'_, '_> {
         Ok(loose)
     }
 
-    /// Samples across a pixel: finer cells follow its surroundings, not its silhouette.
+    /// Samples across a pixel, rounded down to a power of two: finer cells follow its surroundings, not its silhouette.
+    /// 1 where every sample has a row.
     fn finest(&self) -> usize {
-        self.grid.across.max(self.grid.down).next_power_of_two()
+        match self.spacing.largest {
+            1 => 1,
+            _ => 1 << self.grid.across.min(self.grid.down).ilog2(),
+        }
     }
 
     fn within(&self, cell: &Cell) -> Vec<(usize, usize)> {

@@ -21,7 +21,7 @@ pub struct EntryFormat {
 }
 
 impl EntryFormat {
-    /// `Error::Compute` when `index_bits` leaves fewer than 8 bits for the weight.
+    /// `Error::Compute` for no or more than 24 bits: the weight keeps at least 7 and a sign.
     pub fn new(index_bits: u32, signed: bool) -> Result<Self> {
         if !(1..=24).contains(&index_bits) {
             return Err(Error::compute(
@@ -81,8 +81,14 @@ impl EntryFormat {
             return Ok(0.0);
         }
         let limit = self.max_weight() as f64;
+        // Positive rows hand what rounding takes on to the next entry: their sum, the light of an even room, stays.
+        let mut carried = 0.0;
         for &(index, weight) in row {
-            let rounded = (weight as f64 / scale as f64).round().clamp(-limit, limit) as i32;
+            let exact = weight as f64 / scale as f64 + carried;
+            let rounded = exact.round().clamp(-limit, limit) as i32;
+            if !self.signed {
+                carried = exact - rounded as f64;
+            }
             if rounded != 0 {
                 entries.push(self.pack(index, rounded));
             }
