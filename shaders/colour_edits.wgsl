@@ -99,9 +99,16 @@ fn evaluate(first_knot: u32, count: u32, x: f32) -> f32 {
     } else if x >= last.x {
         y = last.y + (x - last.x) * last.slope;
     } else {
+        // The last knot at or before x.
         var i = first_knot;
-        while knots[i + 1u].x <= x {
-            i += 1u;
+        var end = first_knot + count - 1u;
+        while end - i > 1u {
+            let middle = (i + end) / 2u;
+            if knots[middle].x <= x {
+                i = middle;
+            } else {
+                end = middle;
+            }
         }
         y = hermite(knots[i], knots[i + 1u], x);
     }

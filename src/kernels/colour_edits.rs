@@ -249,9 +249,11 @@ fn evaluate(curve: &[Knot], x: f32) -> f32 {
     } else if x >= last.x {
         last.y + (x - last.x) * last.slope
     } else {
-        let mut i = 0;
-        while curve[i + 1].x <= x {
-            i += 1;
+        // The last knot at or before x.
+        let (mut i, mut end) = (0, curve.len() - 1);
+        while end - i > 1 {
+            let middle = (i + end) / 2;
+            if curve[middle].x <= x { i = middle } else { end = middle }
         }
         hermite(curve[i], curve[i + 1], x)
     };

@@ -56,8 +56,14 @@ fn split(points: &[SurfacePoint], part: &mut [u32]) {
     }
 }
 
+/// Same object and material.
+pub fn same_stuff(a: &SurfacePoint, b: &SurfacePoint) -> bool {
+    a.object == b.object && a.material == b.material
+}
+
 /// Squared radius about its centroid of every node of the tree over ordered points (2M, index 0 unused). Infinite where
-/// the mean normal is short: a patch that bends by more than about 50 degrees cannot stand for its samples.
+/// the mean normal is short (a patch that goes round a corner cannot stand for its samples), and where objects or
+/// materials meet (light of one caster must not be credited to another).
 pub fn squared_radii(points: &[SurfacePoint]) -> Vec<f32> {
     let count = points.len();
     let mut radius2 = vec![0.0; 2 * count];
@@ -68,7 +74,8 @@ pub fn squared_radii(points: &[SurfacePoint]) -> Vec<f32> {
         let mean = |get: &dyn Fn(&SurfacePoint) -> Vec3| leaves.iter().map(get).sum::<Vec3>() / span as f32;
         let centre = mean(&|point| point.position.into());
         let normal = mean(&|point| point.geometric_normal.into());
-        *radius2 = if normal.length_squared() < 0.64 {
+        let mixed = leaves.iter().any(|leaf| !same_stuff(leaf, &leaves[0]));
+        *radius2 = if mixed || normal.length_squared() < 0.9 {
             f32::INFINITY
         } else {
             leaves.iter().map(|point| (Vec3::from(point.position) - centre).length_squared()).fold(0.0, f32::max)

@@ -144,7 +144,7 @@ fn feature(point: &SurfacePoint, normal_scale: f32) -> [f32; 6] {
 }
 
 /// Cuts each live triangle side into k² equal small triangles, about eight to a sample, and finds the nearest sample of
-/// each that no surface hides, once; a ray's hit then costs one look-up.
+/// each, of the same object and material if it can be, that no surface hides; a ray's hit then costs one look-up.
 fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -> (Vec<[u32; 4]>, Vec<u32>) {
     let normal_scale = 4.0 * area.sqrt();
     let features: Vec<[f32; 6]> = points.iter().map(|point| feature(point, normal_scale)).collect();
@@ -175,11 +175,13 @@ fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -
         let at = geometry.surface_point(triangle, u, v, front);
         let query = feature(&at, normal_scale);
         let first = tree.nearest_one::<SquaredEuclidean>(&query).item as u32;
-        if !apart(&at, &points[first as usize]) {
+        let good = |i: u32| cluster::same_stuff(&at, &points[i as usize]) && !apart(&at, &points[i as usize]);
+        if good(first) {
             return first;
         }
         let few = tree.nearest_n::<SquaredEuclidean>(&query, NonZero::new(16).expect("16"));
-        few.iter().map(|found| found.item as u32).find(|&i| !apart(&at, &points[i as usize])).unwrap_or(first)
+        let few = || few.iter().map(|found| found.item as u32);
+        few().find(|&i| good(i)).or_else(|| few().find(|&i| !apart(&at, &points[i as usize]))).unwrap_or(first)
     };
     let found = jobs.par_iter().flat_map_iter(|&(triangle, front, k)| {
         centroids(k)

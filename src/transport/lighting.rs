@@ -64,21 +64,35 @@ impl<'a> Prepared<'a> {
         Ok(Self { edits, caster, atoms })
     }
 
-    /// Irradiance at view samples from each atom: `atoms` vectors of N.
+    /// Irradiance at view samples: of all light, then, when there is more than one atom, of each atom; vectors of N.
+    ///
+    /// The first atom, what lies in no caster, is what the others leave of all light: no vector of its own is multiplied.
     pub fn irradiance(&self, device: &Device, transfer: &Transfer, exitance: &[[f32; 4]]) -> Result<Vec<[f32; 4]>> {
-        if self.atoms.shares.len() == 1 {
-            return transfer.apply(device, exitance, 1);
-        }
+        let count = self.atoms.shares.len();
         let share = |shares: &Vec<f32>| -> Vec<[f32; 4]> {
             exitance.iter().zip(shares).map(|(b, s)| (Vec4::from_array(*b) * *s).to_array()).collect()
         };
-        let parts: Vec<[f32; 4]> = self.atoms.shares.par_iter().flat_map_iter(share).collect();
-        transfer.apply(device, &parts, self.atoms.shares.len())
+        let mut parts = exitance.to_vec();
+        parts.par_extend(self.atoms.shares[1..].par_iter().flat_map_iter(share));
+        let mut arriving = transfer.apply(device, &parts, count)?;
+        if count > 1 {
+            let (all, inside) = arriving.split_at(transfer.samples.points.len());
+            let rest = all.par_iter().enumerate().with_min_len(TILE).map(|(i, all)| {
+                let inside = inside.iter().skip(i).step_by(transfer.samples.points.len());
+                inside.fold(Vec4::from_array(*all), |rest, atom| rest - Vec4::from_array(*atom)).to_array()
+            });
+            let rest: Vec<[f32; 4]> = rest.collect();
+            let at = all.len();
+            arriving.splice(at..at, rest);
+        }
+        Ok(arriving)
     }
 
-    /// The edited sum of the atoms (Algorithm 4, stacked).
+    /// The edited light (Algorithm 4, stacked). Samples that no edit's receiver holds keep every bit of the whole.
     pub fn edited(&self, device: &Device, samples: &Samples, irradiance: &[[f32; 4]]) -> Result<Vec<[f32; 4]>> {
-        let all: Vec<usize> = (0..self.atoms.shares.len()).collect();
+        let count = self.atoms.shares.len();
+        let (whole, atoms) = irradiance.split_at(if count > 1 { samples.points.len() } else { 0 });
+        let all: Vec<usize> = (0..count).collect();
         let kernel_edits: Vec<ColourEdit> = self
             .edits
             .iter()
@@ -90,7 +104,14 @@ impl<'a> Prepared<'a> {
                 receiver: edit.receiver.as_ref().map(|selection| selection.weights(&samples.points).into()),
             })
             .collect();
-        colour_edits(device, irradiance, self.atoms.shares.len(), &kernel_edits)
+        let mut edited = colour_edits(device, atoms, count, &kernel_edits)?;
+        let receives = |i: usize| kernel_edits.iter().any(|edit| edit.receiver.as_ref().is_none_or(|w| w[i] > 0.0));
+        edited.par_iter_mut().zip(whole).enumerate().with_min_len(TILE).for_each(|(i, (edited, whole))| {
+            if !receives(i) {
+                *edited = *whole;
+            }
+        });
+        Ok(edited)
     }
 }
 

@@ -93,7 +93,7 @@ pub fn bits(image: &Image) -> Vec<(String, Vec<u32>)> {
 #[track_caller]
 pub fn close(a: &[f32], b: &[f32], absolute: f32, relative: f32) {
     assert_eq!(a.len(), b.len());
-    let off = |(a, b): (&f32, &f32)| (a - b).is_nan() || (a - b).abs() > absolute + relative * b.abs();
+    let off = |(a, b): (&f32, &f32)| !a.is_finite() || !b.is_finite() || (a - b).abs() > absolute + relative * b.abs();
     if let Some(at) = a.iter().zip(b).position(off) {
         let count = a.iter().zip(b).filter(|pair| off(*pair)).count();
         panic!("{count} of {} values are off; value {at} is {:e}, expected {:e}", a.len(), a[at], b[at]);
