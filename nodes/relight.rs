@@ -54,7 +54,6 @@ impl Node for Relight {
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let (geometry, materials) = (inputs.geometry("scene")?, inputs.materials("scene")?);
         let transfer = inputs.need_transfer("transfer")?;
-        check(&geometry, &materials, transfer)?;
         let key = |facet| inputs.key("scene", facet).expect("the scene is connected");
         let transfer_key = inputs.key("transfer", Facet::Geometry).expect("the transfer is connected");
         let stage = Stage {
@@ -68,15 +67,16 @@ impl Node for Relight {
         };
         let none = Arc::new(Edits::default());
         let edits = inputs.edits("edits").unwrap_or(&none);
+        check(&geometry, &materials, transfer, edits)?;
         Ok(vec![Value::Image(Arc::new(stage.image(&inputs.lights("scene")?, edits)?))])
     }
 }
 
-fn check(geometry: &Geometry, materials: &[Material], transfer: &Transfer) -> Result<()> {
-    let (there, here) = (transfer.gather.sides.len(), geometry.corners.len());
-    let strange = transfer.gather.points.iter().any(|point| point.material as usize >= materials.len());
-    if there != here || strange {
-        let message = format!("the transfer was made for a scene of {there} triangles, this one has {here}");
+fn check(geometry: &Geometry, materials: &[Material], transfer: &Transfer, edits: &Edits) -> Result<()> {
+    transfer.samples.check(geometry)?;
+    edits.check(&geometry.fingerprint)?;
+    if geometry.material_names.len() != materials.len() {
+        let message = format!("{} materials for geometry that names {}", materials.len(), geometry.material_names.len());
         return Err(Error::compute(message, "connect the same scene to transfer and relight"));
     }
     Ok(())
@@ -129,6 +129,15 @@ impl Stage<'_> {
         let highlight = if glossy { total(samples.points.len(), &at_view, |lit| &lit.highlight) } else { vec![] };
 
         let prepared = Prepared::new(edits, self.transfer)?;
+        if let Some(empty) = prepared.empty_casters() {
+            tracing::warn!("{empty} casters hold no gather sample, so their edits change nothing: raise gather_samples");
+            self.job.note("casters_without_gather_samples", empty);
+        }
+        // Per atom: light at view samples and at rows, and a pyramid over the gather samples.
+        let atoms = prepared.atoms.shares.len() as u64 + 1;
+        let each = 2 * samples.points.len() + self.transfer.rows.rows() + 3 * gather.count();
+        let what = format!("{atoms} parts of the light");
+        memory::require(VEC4 * atoms * each as u64, &what, "use fewer different casters, or fewer pixels")?;
         let shares: Vec<&[u8]> = prepared.atoms.shares.iter().map(|shares| bytemuck::cast_slice(shares)).collect();
         let key = Key::of(&[&self.place.0, &self.stuff.0, &Key::of(&shares).0, bytemuck::cast_slice(&light_keys)]);
         let arriving = self.job.memo(

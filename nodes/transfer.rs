@@ -67,6 +67,7 @@ impl Node for Transfer {
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let geometry = inputs.geometry("scene")?;
         let samples = inputs.need_whole_samples("samples")?;
+        samples.check(&geometry)?;
         let settings = Settings {
             gather_samples: self.gather_samples as usize,
             bounces: self.bounces,
@@ -80,6 +81,9 @@ impl Node for Transfer {
         job.note("rays", cost.rays);
         job.note("entries", cost.entries);
         job.note("entries_per_row", (cost.entries as f64 / cost.rows.max(1) as f64).round());
+        if self.bounces > 1 {
+            job.note("entries_between_gather_samples", cost.between);
+        }
         job.note("rays_per_row", settings.quality.rays);
         Ok(vec![Value::Transfer(Arc::new(transfer))])
     }

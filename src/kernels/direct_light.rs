@@ -7,7 +7,7 @@
 //! a GGX highlight (Walter et al. 2007, Schlick's Fresnel) sends to the eye.
 
 #[cfg(feature = "gpu")]
-use super::{RAYS, pages};
+use super::{RAYS, fits_the_shader, pages};
 use crate::Result;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
@@ -148,6 +148,7 @@ fn gpu(
     emitters: &Array<Emitter>,
     gloss: Option<&Array<[f32; 4]>>,
 ) -> Result<Lit> {
+    fits_the_shader(geometry)?;
     let mut lit = Lit { irradiance: Vec::with_capacity(points.len()), highlight: Vec::new() };
     let rays = if params.light.kind == EMITTERS { params.samples.max(1) as usize } else { 1 };
     let gloss = gloss.map_or_else(|| gpu.upload::<[f32; 4]>(&[]), |gloss| gpu.whole(gloss));

@@ -77,6 +77,19 @@ fn split_columns<const K: usize, T>(data: &mut [T], block: usize) -> Vec<[&mut [
 #[cfg(feature = "gpu")]
 const RAYS: usize = 1 << 20;
 
+/// `Error::Device` when the hierarchy is deeper than the stack of shaders/shared/bvh.wgsl.
+#[cfg(feature = "gpu")]
+fn fits_the_shader(geometry: &crate::scene::Geometry) -> Result<()> {
+    const LEVELS: usize = 96;
+    if geometry.bvh.depth <= LEVELS {
+        return Ok(());
+    }
+    Err(Error::device(
+        format!("the scene's hierarchy has {} levels, the GPU's kernels go down {LEVELS}", geometry.bvh.depth),
+        "use --device cpu; heaps of coincident triangles make such trees",
+    ))
+}
+
 /// Consecutive ranges of at most `page` that cover `0..total`.
 #[cfg(feature = "gpu")]
 fn pages(total: usize, page: usize) -> impl Iterator<Item = Range<usize>> {

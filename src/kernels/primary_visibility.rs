@@ -5,7 +5,7 @@
 //! Beside each: barycentrics of the hit, for textures.
 
 #[cfg(feature = "gpu")]
-use super::{RAYS, pages};
+use super::{RAYS, fits_the_shader, pages};
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
 use crate::device::kernel::uniform;
@@ -129,6 +129,7 @@ fn cpu(geometry: &Geometry, params: &Params, offsets: &[[f32; 2]]) -> Visible {
 
 #[cfg(feature = "gpu")]
 fn gpu(gpu: &Gpu, geometry: &Geometry, params: &Params, offsets: &[[f32; 2]]) -> Result<Visible> {
+    fits_the_shader(geometry)?;
     let count = params.count as usize;
     let mut visible = Visible { points: Vec::with_capacity(count), barycentrics: Vec::with_capacity(count) };
     let offsets = gpu.upload(offsets);

@@ -10,7 +10,7 @@
 //! Output: rows x samples weights, and per row the harmonic mean of the distances, by weight, and the least.
 
 #[cfg(feature = "gpu")]
-use super::{RAYS, pages};
+use super::{RAYS, fits_the_shader, pages};
 use crate::Result;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
@@ -117,6 +117,7 @@ fn gpu(
     points: &Array<SurfacePoint>,
     params: &Params,
 ) -> Result<Vec<f32>> {
+    fits_the_shader(geometry)?;
     let mut found = Vec::with_capacity(points.len() * gather.count());
     for range in pages(points.len(), gpu.page(4 * gather.count()).min((RAYS / gather.count()).max(1))) {
         let params = Params { rows: range.len() as u32, ..*params };

@@ -9,7 +9,7 @@
 //! least of the distances, which say how fast indirect light may change there (Ward et al. 1988).
 
 #[cfg(feature = "gpu")]
-use super::{RAYS, pages};
+use super::{RAYS, fits_the_shader, pages};
 use crate::Result;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
@@ -129,6 +129,7 @@ fn gpu(
     seeds: &Array<u32>,
     params: &Params,
 ) -> Result<RowRays> {
+    fits_the_shader(geometry)?;
     let rays = params.rays as usize;
     let mut found =
         RowRays { nodes: Vec::with_capacity(points.len() * rays), distances: Vec::with_capacity(points.len()) };

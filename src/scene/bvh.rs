@@ -64,6 +64,8 @@ pub struct Bvh {
     /// In leaf order.
     pub facets: Array<Facet>,
     pub wide: WideBvh,
+    /// Levels of the binary tree.
+    pub depth: usize,
 }
 
 impl Bvh {
@@ -75,7 +77,8 @@ impl Bvh {
         let facets: Vec<Facet> = bvh.primitive_indices.iter().map(|&i| facet(i, &corners[i as usize])).collect();
         let wide = widen(&bvh);
         let nodes = bvh.nodes.iter().map(node).collect::<Vec<_>>();
-        Self { nodes: nodes.into(), facets: facets.into(), wide }
+        let depth = depth(&nodes);
+        Self { nodes: nodes.into(), facets: facets.into(), wide, depth }
     }
 
     pub fn bytes(&self) -> u64 {
@@ -105,6 +108,18 @@ fn node(from: &obvhs::bvh2::node::Bvh2Node) -> Node {
         high: from.aabb.max.to_array(),
         count: from.prim_count,
     }
+}
+
+fn depth(nodes: &[Node]) -> usize {
+    let (mut deepest, mut todo) = (0, vec![(0u32, 1)]);
+    while let Some((index, level)) = todo.pop() {
+        deepest = deepest.max(level);
+        match nodes.get(index as usize) {
+            Some(node) if node.count == 0 => todo.extend([(node.first, level + 1), (node.first + 1, level + 1)]),
+            _ => {}
+        }
+    }
+    deepest
 }
 
 /// Pulls grandchildren up, the largest box first, until a node has eight children.

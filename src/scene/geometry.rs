@@ -43,6 +43,9 @@ impl SurfacePoint {
     }
 }
 
+/// Tells geometries apart by their content.
+pub type Fingerprint = [u8; 16];
+
 /// Unindexed triangles: per-triangle arrays of equal length.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
@@ -59,6 +62,8 @@ pub struct Geometry {
     pub objects: Vec<String>,
     pub material_names: Vec<String>,
     pub bvh: Bvh,
+    /// A hash of all of the above: what was made for one geometry must not be used with another.
+    pub fingerprint: Fingerprint,
     bounds: (Vec3, Vec3),
 }
 
@@ -218,6 +223,15 @@ impl GeometryBuilder {
             ));
         }
         let bvh = Bvh::build(&self.corners);
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_rayon(bytemuck::cast_slice(&self.corners));
+        hasher.update_rayon(bytemuck::cast_slice(&self.normals));
+        hasher.update(bytemuck::cast_slice(&self.object));
+        hasher.update(bytemuck::cast_slice(&self.material));
+        for name in self.objects.iter().chain(&material_names) {
+            hasher.update(name.as_bytes()).update(&[0]);
+        }
+        let fingerprint = hasher.finalize().as_bytes()[..16].try_into().expect("16 of 32 bytes");
         let nothing = (Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY));
         let corners = self.corners.iter().flatten().map(|p| Vec3::from(*p));
         let bounds = corners.fold(nothing, |(low, high), p| (low.min(p), high.max(p)));
@@ -228,6 +242,7 @@ impl GeometryBuilder {
             object: self.object.into(),
             material: self.material.into(),
             objects: self.objects,
+            fingerprint,
             material_names,
             bvh,
             bounds,

@@ -11,7 +11,7 @@ pub mod sound;
 pub mod wide;
 
 pub use camera::Camera;
-pub use geometry::{Geometry, SurfacePoint};
+pub use geometry::{Fingerprint, Geometry, SurfacePoint};
 pub use light::{Light, LightKind};
 pub use material::Material;
 

@@ -2,7 +2,9 @@
 //! preview; other renderers may apply it in their own way.
 
 use crate::image::colour;
+use crate::Result;
 use crate::kernels::colour_edits::Knot;
+use crate::scene::Fingerprint;
 use crate::transport::Selection;
 use crate::transport::tone_curve::ToneCurve;
 use glam::Mat3;
@@ -51,6 +53,13 @@ impl Edits {
     /// The list with one more edit at its end.
     pub fn and(&self, edit: Edit) -> Self {
         Self(self.0.iter().cloned().chain([edit]).collect())
+    }
+
+    /// # Errors
+    /// `Compute` when a selection names parts of another geometry.
+    pub fn check(&self, geometry: &Fingerprint) -> Result<()> {
+        let selections = self.0.iter().flat_map(|Edit::CasterReceiver(edit)| [&edit.caster, &edit.receiver]);
+        selections.flatten().try_for_each(|selection| selection.check(geometry))
     }
 
     pub fn bytes(&self) -> u64 {

@@ -64,6 +64,11 @@ impl<'a> Prepared<'a> {
         Ok(Self { edits, caster, atoms })
     }
 
+    /// How many casters no gather sample lies in, if any.
+    pub fn empty_casters(&self) -> Option<usize> {
+        Some(self.atoms.members.iter().filter(|members| members.is_empty()).count()).filter(|count| *count > 0)
+    }
+
     /// Irradiance at view samples: of all light, then, when there is more than one atom, of each atom; vectors of N.
     ///
     /// The first atom, what lies in no caster, is what the others leave of all light: no vector of its own is multiplied.

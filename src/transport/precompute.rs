@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::device::{Array, Device};
+use crate::memory;
 use crate::kernels::transfer_points::transfer_points;
 use crate::kernels::transfer_rows::transfer_rows;
 use crate::progress::{Progress, Stage};
@@ -85,6 +86,8 @@ pub struct Cost {
     pub rows: usize,
     pub rays: u64,
     pub entries: usize,
+    /// Entries of the rows between gather samples.
+    pub between: usize,
 }
 
 /// Rays cast before rows are packed: bounds the memory between the two.
@@ -118,7 +121,7 @@ pub fn precompute(
         }
         let (between, more) = packer.finish()?;
         cost.rays += more.rays;
-        cost.entries += more.entries;
+        cost.between = more.entries;
         Some(between)
     } else {
         None
@@ -176,6 +179,7 @@ impl<'a> Packer<'a> {
             Estimator::Points => self.gather.count(),
         };
         for part in samples.chunks((BATCH_RAYS / looks).max(1)) {
+            self.require_memory(part.len(), looks)?;
             let chosen: Array<SurfacePoint> = part.iter().map(|&i| points[i]).collect::<Vec<_>>().into();
             distances.append(&mut match self.settings.estimator {
                 Estimator::Rays => self.shoot(&chosen, part)?,
@@ -186,6 +190,14 @@ impl<'a> Packer<'a> {
         }
         stage.advance(resolved)?;
         Ok(distances)
+    }
+
+    /// For the rays of a batch, and for the entries to come if its rows are like those before; rows double as they grow.
+    fn require_memory(&self, rows: usize, looks: usize) -> Result<()> {
+        let per_row = self.builder.entries().div_ceil(self.builder.rows().max(1)).min(looks);
+        let growth = 2 * self.builder.entries() + rows * per_row.max(looks / 4);
+        let bytes = 4 * (rows * looks + growth) as u64;
+        memory::require(bytes, "transfer rows", "raise the tolerance, lower gather_samples, or render fewer pixels")
     }
 
     fn shoot(&mut self, points: &Array<SurfacePoint>, samples: &[usize]) -> Result<Vec<[f32; 2]>> {

@@ -2,7 +2,7 @@
 
 use crate::device::{Array, Device};
 use crate::kernels::primary_visibility::primary_visibility;
-use crate::scene::{Camera, Geometry, Material, SurfacePoint};
+use crate::scene::{Camera, Fingerprint, Geometry, Material, SurfacePoint};
 use crate::transport::rows::Grid;
 use crate::{Error, Result, memory};
 use rayon::prelude::*;
@@ -16,6 +16,8 @@ pub struct Samples {
     pub across: usize,
     pub down: usize,
     pub camera: Camera,
+    /// Of the geometry that they lie on.
+    pub geometry: Fingerprint,
     pub points: Array<SurfacePoint>,
     /// Of the hit on its triangle (second and third corner).
     pub barycentrics: Array<[f32; 2]>,
@@ -54,9 +56,20 @@ impl Samples {
             across: across as usize,
             down: down as usize,
             camera: camera.clone(),
+            geometry: geometry.fingerprint,
             points: visible.points.into(),
             barycentrics: visible.barycentrics.into(),
         })
+    }
+
+    /// # Errors
+    /// `Compute` when the samples lie on another geometry.
+    pub fn check(&self, geometry: &Geometry) -> Result<()> {
+        if self.geometry == geometry.fingerprint {
+            return Ok(());
+        }
+        let message = "the view was made for another scene, or for another state of it";
+        Err(Error::compute(message, "connect the same scene to view_samples, transfer and relight"))
     }
 
     pub fn per_pixel(&self) -> usize {

@@ -1,14 +1,14 @@
 //! Selections: weights in [0, 1] over surface points, as fields that any sample can be held against.
 
-use crate::scene::{Geometry, SurfacePoint};
+use crate::scene::{Fingerprint, Geometry, SurfacePoint};
 use crate::{Error, Result};
 use globset::{Glob, GlobSet, GlobSetBuilder};
 use rayon::prelude::*;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Selection {
-    /// Surfaces of chosen objects that are made of chosen materials, by number.
-    Names { objects: Vec<bool>, materials: Vec<bool> },
+    /// Surfaces of chosen objects that are made of chosen materials, by number in one geometry.
+    Names { geometry: Fingerprint, objects: Vec<bool>, materials: Vec<bool> },
 }
 
 impl Selection {
@@ -18,14 +18,27 @@ impl Selection {
     /// Errors: a glob that is not well formed, or that matches nothing (the error lists what there is).
     pub fn by_name(geometry: &Geometry, objects: &[String], materials: &[String]) -> Result<Self> {
         Ok(Self::Names {
+            geometry: geometry.fingerprint,
             objects: chosen("object", objects, &geometry.objects)?,
             materials: chosen("material", materials, &geometry.material_names)?,
         })
     }
 
+    /// # Errors
+    /// `Compute` when the selection names parts of another geometry.
+    pub fn check(&self, fingerprint: &Fingerprint) -> Result<()> {
+        match self {
+            Self::Names { geometry, .. } if geometry == fingerprint => Ok(()),
+            Self::Names { .. } => {
+                let message = "a selection was made in another scene, or in another state of it";
+                Err(Error::compute(message, "connect the same scene to pick and relight"))
+            }
+        }
+    }
+
     pub fn weight(&self, point: &SurfacePoint) -> f32 {
         match self {
-            Self::Names { objects, materials } => {
+            Self::Names { objects, materials, .. } => {
                 let is = |list: &[bool], index: u32| list.get(index as usize).copied().unwrap_or(false);
                 f32::from(u8::from(is(objects, point.object) && is(materials, point.material)))
             }
@@ -38,7 +51,7 @@ impl Selection {
 
     pub fn bytes(&self) -> u64 {
         match self {
-            Self::Names { objects, materials } => (objects.len() + materials.len()) as u64,
+            Self::Names { objects, materials, .. } => (objects.len() + materials.len()) as u64,
         }
     }
 }

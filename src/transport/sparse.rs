@@ -204,6 +204,16 @@ impl SparseRowsBuilder {
         Ok(Self { offsets: vec![0], entries: Vec::new(), scale: Vec::new(), format })
     }
 
+    /// So far.
+    pub fn rows(&self) -> usize {
+        self.scale.len()
+    }
+
+    /// So far.
+    pub fn entries(&self) -> usize {
+        self.entries.len()
+    }
+
     pub fn push(&mut self, row: &[(u32, f32)]) -> Result<()> {
         let scale = self.format.pack_row(row, &mut self.entries)?;
         self.close(scale)

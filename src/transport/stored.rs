@@ -1,6 +1,6 @@
 //! A transfer in the disk cache, with the view samples that it is for.
 
-use crate::scene::Camera;
+use crate::scene::{Camera, Fingerprint};
 use crate::stored::{SectionReader, SectionWriter, Stored};
 use crate::transport::gather::Gather;
 use crate::transport::sparse::{EntryFormat, SparseRows};
@@ -12,6 +12,7 @@ use std::sync::Arc;
 #[derive(Serialize, Deserialize)]
 struct View {
     size: [usize; 4],
+    geometry: Fingerprint,
     name: String,
     position: Vec3,
     world_from_camera: Mat3,
@@ -22,13 +23,13 @@ impl Stored for Samples {
     fn write<'a>(&'a self, sections: &mut SectionWriter<'a>) {
         let Camera { name, position, world_from_camera, fov_y } = self.camera.clone();
         let size = [self.width, self.height, self.across, self.down];
-        sections.value(&View { size, name, position, world_from_camera, fov_y });
+        sections.value(&View { size, geometry: self.geometry, name, position, world_from_camera, fov_y });
         sections.slice(&self.points);
         sections.slice(&self.barycentrics);
     }
 
     fn read(sections: &mut SectionReader) -> Option<Self> {
-        let View { size: [width, height, across, down], name, position, world_from_camera, fov_y } =
+        let View { size: [width, height, across, down], geometry, name, position, world_from_camera, fov_y } =
             sections.value()?;
         let (points, barycentrics) = (sections.vec()?, sections.vec()?);
         let count = [height, across, down].into_iter().try_fold(width, usize::checked_mul)?;
@@ -39,6 +40,7 @@ impl Stored for Samples {
             across,
             down,
             camera,
+            geometry,
             points: points.into(),
             barycentrics: barycentrics.into(),
         })
