@@ -76,7 +76,8 @@ fn check(geometry: &Geometry, materials: &[Material], transfer: &Transfer, edits
     transfer.samples.check(geometry)?;
     edits.check(&geometry.fingerprint)?;
     if geometry.material_names.len() != materials.len() {
-        let message = format!("{} materials for geometry that names {}", materials.len(), geometry.material_names.len());
+        let message =
+            format!("{} materials for geometry that names {}", materials.len(), geometry.material_names.len());
         return Err(Error::compute(message, "connect the same scene to transfer and relight"));
     }
     Ok(())
@@ -130,7 +131,9 @@ impl Stage<'_> {
 
         let prepared = Prepared::new(edits, self.transfer)?;
         if let Some(empty) = prepared.empty_casters() {
-            tracing::warn!("{empty} casters hold no gather sample, so their edits change nothing: raise gather_samples");
+            tracing::warn!(
+                "{empty} casters hold no gather sample, so their edits change nothing: raise gather_samples"
+            );
             self.job.note("casters_without_gather_samples", empty);
         }
         // Per atom: light at view samples and at rows, and a pyramid over the gather samples.

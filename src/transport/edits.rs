@@ -1,8 +1,8 @@
 //! An ordered list of light-transport edits (thesis 4.3). An edit is data: it never renders. `lighting` applies it in a
 //! preview; other renderers may apply it in their own way.
 
-use crate::image::colour;
 use crate::Result;
+use crate::image::colour;
 use crate::kernels::colour_edits::Knot;
 use crate::scene::Fingerprint;
 use crate::transport::Selection;

@@ -2,9 +2,9 @@
 
 use crate::Result;
 use crate::device::{Array, Device};
-use crate::memory;
 use crate::kernels::transfer_points::transfer_points;
 use crate::kernels::transfer_rows::transfer_rows;
+use crate::memory;
 use crate::progress::{Progress, Stage};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::Samples;
