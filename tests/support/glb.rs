@@ -1,6 +1,7 @@
 //! A tiny room as a .glb, made here, whose JSON and bytes tests can spoil.
 
 use serde_json::{Value as Json, json};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 pub struct Glb {
     pub json: Json,
@@ -26,9 +27,9 @@ impl Glb {
             "scenes": [{ "nodes": [0, 1, 2, 3] }],
             "nodes": [
                 { "name": "floor", "mesh": 0 },
-                { "name": "wall", "mesh": 0, "translation": [0, 2, -2], "rotation": [0.70710678, 0, 0, 0.70710678] },
+                { "name": "wall", "mesh": 0, "translation": [0, 2, -2], "rotation": [FRAC_1_SQRT_2, 0, 0, FRAC_1_SQRT_2] },
                 { "name": "eye", "camera": 0, "translation": [0, 1.5, 4] },
-                { "name": "lamp", "translation": [0, 3.5, 1], "rotation": [-0.70710678, 0, 0, 0.70710678],
+                { "name": "lamp", "translation": [0, 3.5, 1], "rotation": [-FRAC_1_SQRT_2, 0, 0, FRAC_1_SQRT_2],
                   "extensions": { "KHR_lights_punctual": { "light": 0 } } }
             ],
             "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } }],
