@@ -37,7 +37,7 @@ pub struct Light {
     pub direction: Option<[f32; 3]>,
     /// (1, 1, 1) Linear Rec.709.
     pub colour: Option<[f32; 3]>,
-    /// (10) In the unit of the kind.
+    /// (10) In the unit of the kind. Given alone to a black light, it shines white.
     #[schemars(range(min = 0.0))]
     pub intensity: Option<f32>,
     /// (45) Half angle of a spot's cone.
@@ -159,8 +159,10 @@ impl Light {
         }
         if self.colour.is_some() || self.intensity.is_some() {
             // What is given of the two replaces its part: strength is the largest component.
-            let strength = all.intensity.max_element().max(1e-30);
-            let colour = self.colour.map_or(all.intensity / strength, Vec3::from);
+            let strength = all.intensity.max_element();
+            // A black light has no colour to keep.
+            let kept = if strength > 0.0 { all.intensity / strength } else { Vec3::ONE };
+            let colour = self.colour.map_or(kept, Vec3::from);
             all.intensity = colour * self.intensity.unwrap_or(strength);
         }
         if self.cone.is_some() || self.softness.is_some() {
@@ -196,6 +198,18 @@ mod tests {
         assert_eq!(same, old);
         let brighter = Light { intensity: Some(8.0), ..Light::default() }.changed(Some(&old)).unwrap();
         assert_eq!(brighter.intensity, Vec3::new(8.0, 4.0, 2.0));
+    }
+
+    #[test]
+    fn a_black_light_can_be_turned_up() {
+        let point = LightKind::Point { position: Vec3::ONE };
+        let black = LightValue { name: "key".into(), kind: point, intensity: Vec3::ZERO };
+        let lit = Light { intensity: Some(8.0), ..Light::default() }.changed(Some(&black)).unwrap();
+        assert_eq!(lit.intensity, Vec3::splat(8.0));
+        let red = Light { colour: Some([1.0, 0.0, 0.0]), ..Light::default() };
+        assert_eq!(red.changed(Some(&black)).unwrap().intensity, Vec3::ZERO);
+        let red = Light { intensity: Some(2.0), ..red }.changed(Some(&black)).unwrap();
+        assert_eq!(red.intensity, Vec3::X * 2.0);
     }
 
     #[test]

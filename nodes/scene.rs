@@ -67,6 +67,12 @@ impl Node for Scene {
                 if census.skipped_primitives > 0 {
                     job.note("skipped_points_and_lines", census.skipped_primitives);
                 }
+                if census.drawn_solid > 0 {
+                    job.note("materials_with_alpha_drawn_solid", census.drawn_solid);
+                }
+                if census.averaged_emission > 0 {
+                    job.note("emissive_textures_averaged", census.averaged_emission);
+                }
                 scene
             }
         };

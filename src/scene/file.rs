@@ -1,15 +1,18 @@
-//! glTF 2.0 files (.gltf, .glb) into scenes: triangles, base colours and textures, emission, punctual lights, cameras.
+//! glTF 2.0 files (.gltf, .glb) into scenes: triangles, base colours, metalness and roughness with their textures,
+//! emission, punctual lights, cameras.
 //!
-//! Not read: Draco and meshopt compression (refused with a message), animation and skins (bind pose), point and line
+//! Read in part: emissive textures (their mean), roughness textures (their mean), alpha (all is solid; counted).
+//! Not read: normal and occlusion textures, other material extensions, orthographic cameras, Draco and meshopt compression (refused with a message), animation and skins (bind pose), point and line
 //! primitives (counted).
 
+use crate::scene::file_material::{Pictures, uv_set};
 use crate::scene::geometry::{GeometryBuilder, Mesh};
-use crate::scene::material::{Texture, linear_from_srgb8};
 use crate::scene::sound::{check_accessors, check_json, json_part, percent_decoded};
 use crate::scene::{Camera, Light, LightKind, Material, Scene};
 use crate::{Error, Result};
 use glam::{Mat3, Mat4, Vec3};
 use gltf::khr_lights_punctual::Kind;
+use gltf::material::AlphaMode;
 use gltf::mesh::Mode;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,6 +23,10 @@ pub struct Census {
     pub triangles: usize,
     pub zero_area: usize,
     pub skipped_primitives: usize,
+    /// Materials with alpha (cut out or blended), drawn solid.
+    pub drawn_solid: usize,
+    /// Materials that glow evenly with the mean of their emissive texture.
+    pub averaged_emission: usize,
 }
 
 /// Reads a scene; lengths are multiplied by `scale`.
@@ -37,7 +44,6 @@ pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
     let base = path.parent();
     let buffers = gltf::import_buffers(&document, base, blob).map_err(broken)?;
     check_accessors(path, &document, &buffers)?;
-    let images = gltf::import_images(&document, base, &buffers).map_err(broken)?;
 
     let mut reader = Reader {
         path,
@@ -58,7 +64,12 @@ pub fn read(path: &Path, scale: f32) -> Result<(Scene, Census)> {
     for root in roots {
         reader.node(&root, world, 0)?;
     }
-    let mut materials: Vec<Material> = document.materials().map(|m| material(&m, &images)).collect();
+    let mut pictures = Pictures::new(base, &buffers);
+    let mut materials: Vec<Material> =
+        document.materials().map(|m| pictures.material(&m)).collect::<gltf::Result<_>>().map_err(broken)?;
+    let averaged = |m: &(gltf::Material, &Material)| m.0.emissive_texture().is_some() && m.1.emits();
+    reader.census.averaged_emission = document.materials().zip(&materials).filter(averaged).count();
+    reader.census.drawn_solid = document.materials().filter(|m| m.alpha_mode() != AlphaMode::Opaque).count();
     if let Some(material) = materials.iter().find(|material| !material.is_finite()) {
         let found = format!("material \"{}\" has a number that is too large for 32 bits", material.name);
         return Err(Error::file(path, found, "correct the material, and export it again"));
@@ -178,8 +189,7 @@ impl Reader<'_> {
         };
         let normals: Option<Vec<[f32; 3]>> = reader.read_normals().map(Iterator::collect);
         let material = primitive.material();
-        let uv_set = material.pbr_metallic_roughness().base_color_texture().map_or(0, |texture| texture.tex_coord());
-        let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(uv_set).map(|uvs| uvs.into_f32().collect());
+        let uvs: Option<Vec<[f32; 2]>> = reader.read_tex_coords(uv_set(&material)).map(|uvs| uvs.into_f32().collect());
         // The file's default material has no index; ours stands behind the file's own.
         let material = material.index().unwrap_or(self.materials) as u32;
         let mesh = Mesh {
@@ -199,55 +209,4 @@ impl Reader<'_> {
 fn strip(indices: &[u32]) -> Vec<u32> {
     let turned = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
     indices.windows(3).enumerate().flat_map(turned).collect()
-}
-
-fn material(from: &gltf::Material, images: &[gltf::image::Data]) -> Material {
-    let pbr = from.pbr_metallic_roughness();
-    let [r, g, b, _] = pbr.base_color_factor();
-    let strength = from.emissive_strength().unwrap_or(1.0);
-    let texture = pbr.base_color_texture().and_then(|info| {
-        let image = &images[info.texture().source().index()];
-        let (offset, rotation, scale) =
-            info.texture_transform().map_or(([0.0; 2], 0.0, [1.0; 2]), |t| (t.offset(), t.rotation(), t.scale()));
-        let (sin, cos) = f32::sin_cos(rotation);
-        let uv_from_uv = [cos * scale[0], -sin * scale[0], sin * scale[1], cos * scale[1], offset[0], offset[1]];
-        Some(Texture {
-            width: image.width as usize,
-            height: image.height as usize,
-            texels: texels(image)?.into(),
-            uv_from_uv,
-        })
-    });
-    Material {
-        name: from.name().map_or_else(|| format!("material_{}", from.index().unwrap_or(0)), str::to_owned),
-        base_colour: [r, g, b],
-        base_colour_texture: texture,
-        emission: from.emissive_factor().map(|e| e * strength),
-        roughness: pbr.roughness_factor(),
-        metallic: pbr.metallic_factor(),
-        specular: from.specular().map_or(1.0, |specular| specular.specular_factor()),
-    }
-}
-
-/// Base colour pictures are sRGB; 16-bit and float ones are rare and read as linear only when float.
-fn texels(image: &gltf::image::Data) -> Option<Vec<[f32; 3]>> {
-    use gltf::image::Format;
-    let bytes = &image.pixels;
-    let grey = |v: u8| [linear_from_srgb8(v); 3];
-    let rgb = |p: &[u8]| [linear_from_srgb8(p[0]), linear_from_srgb8(p[1]), linear_from_srgb8(p[2])];
-    // The high byte of little-endian 16 bits.
-    let rgb16 = |p: &[u8]| [linear_from_srgb8(p[1]), linear_from_srgb8(p[3]), linear_from_srgb8(p[5])];
-    let float = |p: &[u8]| [0, 4, 8].map(|i| f32::from_le_bytes([p[i], p[i + 1], p[i + 2], p[i + 3]]));
-    Some(match image.format {
-        Format::R8 => bytes.iter().map(|&v| grey(v)).collect(),
-        Format::R8G8 => bytes.chunks_exact(2).map(|p| grey(p[0])).collect(),
-        Format::R8G8B8 => bytes.chunks_exact(3).map(rgb).collect(),
-        Format::R8G8B8A8 => bytes.chunks_exact(4).map(rgb).collect(),
-        Format::R16 => bytes.chunks_exact(2).map(|p| grey(p[1])).collect(),
-        Format::R16G16 => bytes.chunks_exact(4).map(|p| grey(p[1])).collect(),
-        Format::R16G16B16 => bytes.chunks_exact(6).map(rgb16).collect(),
-        Format::R16G16B16A16 => bytes.chunks_exact(8).map(rgb16).collect(),
-        Format::R32G32B32FLOAT => bytes.chunks_exact(12).map(float).collect(),
-        Format::R32G32B32A32FLOAT => bytes.chunks_exact(16).map(float).collect(),
-    })
 }

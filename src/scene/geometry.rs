@@ -6,6 +6,7 @@ use crate::device::Array;
 use crate::scene::bvh::Bvh;
 use crate::{Error, Result};
 use glam::{Mat3, Mat4, Vec3};
+use std::collections::HashMap;
 
 /// "No such thing" among indices.
 pub const NONE: u32 = u32::MAX;
@@ -136,6 +137,8 @@ pub struct GeometryBuilder {
     object: Vec<u32>,
     material: Vec<u32>,
     objects: Vec<String>,
+    /// Of `objects`, by name.
+    numbers: HashMap<String, u32>,
     pub rejected: Rejected,
 }
 
@@ -154,13 +157,13 @@ pub struct Mesh<'a> {
 impl GeometryBuilder {
     /// The number of the object of that name, new if need be.
     pub fn object(&mut self, name: &str) -> u32 {
-        match self.objects.iter().position(|known| known == name) {
-            Some(index) => index as u32,
-            None => {
-                self.objects.push(name.to_owned());
-                self.objects.len() as u32 - 1
-            }
+        if let Some(&number) = self.numbers.get(name) {
+            return number;
         }
+        let number = self.objects.len() as u32;
+        self.objects.push(name.to_owned());
+        self.numbers.insert(name.to_owned(), number);
+        number
     }
 
     pub fn object_name(&self, object: u32) -> &str {

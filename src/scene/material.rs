@@ -1,38 +1,6 @@
 //! Surface materials: diffuse reflectance and emission; roughness and metalness are kept for glossy receivers.
 
-use crate::device::Array;
-
-/// A linear-light RGB picture addressed by texture coordinates, wrapping, bilinear; v = 0 is the first row (glTF).
-#[derive(Clone, Debug)]
-pub struct Texture {
-    pub width: usize,
-    pub height: usize,
-    pub texels: Array<[f32; 3]>,
-    /// KHR_texture_transform: `uv' = [m0 m2; m1 m3] uv + [m4 m5]`.
-    pub uv_from_uv: [f32; 6],
-}
-
-impl Texture {
-    pub fn sample(&self, uv: [f32; 2]) -> [f32; 3] {
-        let m = &self.uv_from_uv;
-        let u = m[0] * uv[0] + m[2] * uv[1] + m[4];
-        let v = m[1] * uv[0] + m[3] * uv[1] + m[5];
-        let wrap = |x: f32, n: usize| {
-            let x = if x.is_finite() { (x - x.floor()) * n as f32 - 0.5 } else { 0.0 };
-            let low = x.floor();
-            let index = |i: f32| (i as isize).rem_euclid(n as isize) as usize;
-            (index(low), index(low + 1.0), x - low)
-        };
-        let (x0, x1, fx) = wrap(u, self.width);
-        let (y0, y1, fy) = wrap(v, self.height);
-        let row = |y: usize| {
-            let (a, b) = (self.texels[y * self.width + x0], self.texels[y * self.width + x1]);
-            [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * fx)
-        };
-        let (top, bottom) = (row(y0), row(y1));
-        [0, 1, 2].map(|c| top[c] + (bottom[c] - top[c]) * fy)
-    }
-}
+use crate::scene::texture::Texture;
 
 #[derive(Clone, Debug)]
 pub struct Material {
@@ -40,10 +8,13 @@ pub struct Material {
     /// [0, 1] per channel, linear Rec.709; multiplied by the texture if there is one.
     pub base_colour: [f32; 3],
     pub base_colour_texture: Option<Texture>,
-    /// Emitted radiance, W/(sr m²), both sides.
+    /// Emitted radiance, W/(sr m²), both sides; even all over: the mean of an emissive texture.
     pub emission: [f32; 3],
+    /// [0, 1]; the mean of a roughness texture.
     pub roughness: f32,
+    /// [0, 1]; multiplied by the texture if there is one.
     pub metallic: f32,
+    pub metallic_texture: Option<Texture<f32>>,
     /// Strength of the dielectric highlight (KHR_materials_specular); 0 for none.
     pub specular: f32,
 }
@@ -58,6 +29,7 @@ impl Material {
             emission: [0.0; 3],
             roughness: 1.0,
             metallic: 0.0,
+            metallic_texture: None,
             specular: 0.0,
         }
     }
@@ -65,12 +37,17 @@ impl Material {
     /// Diffuse reflectance: a metal has none.
     pub fn reflectance(&self, uv: [f32; 2]) -> [f32; 3] {
         let texel = self.base_colour_texture.as_ref().map_or([1.0; 3], |texture| texture.sample(uv));
-        [0, 1, 2].map(|c| (self.base_colour[c] * texel[c] * (1.0 - self.metallic)).clamp(0.0, 1.0))
+        let metallic = self.metallic * self.metallic_texture.as_ref().map_or(1.0, |texture| texture.sample(uv));
+        [0, 1, 2].map(|c| (self.base_colour[c] * texel[c] * (1.0 - metallic)).clamp(0.0, 1.0))
     }
 
-    /// Reflectance at normal incidence, and roughness; what `kernels::direct_light` makes highlights from.
+    /// Reflectance at normal incidence, and roughness, with the means of textures; what `kernels::direct_light` makes
+    /// highlights from.
     pub fn gloss(&self) -> [f32; 4] {
-        let [r, g, b] = self.base_colour.map(|c| 0.04 * self.specular * (1.0 - self.metallic) + c * self.metallic);
+        let metallic = self.metallic * self.metallic_texture.as_ref().map_or(1.0, |texture| texture.picture.mean);
+        let texel = self.base_colour_texture.as_ref().map_or([1.0; 3], |texture| texture.picture.mean);
+        let base = [0, 1, 2].map(|c| self.base_colour[c] * texel[c]);
+        let [r, g, b] = base.map(|c| 0.04 * self.specular * (1.0 - metallic) + c * metallic);
         [r, g, b, self.roughness]
     }
 
@@ -79,12 +56,19 @@ impl Material {
         self.base_colour.iter().chain(&self.emission).chain(&single).all(|x| x.is_finite())
     }
 
+    /// Its reflectance depends on texture coordinates.
+    pub fn is_textured(&self) -> bool {
+        self.base_colour_texture.is_some() || self.metallic_texture.is_some()
+    }
+
     pub fn emits(&self) -> bool {
         self.emission.iter().any(|&e| e > 0.0)
     }
 
     pub fn bytes(&self) -> u64 {
-        self.base_colour_texture.as_ref().map_or(0, |texture| 12 * texture.texels.len() as u64)
+        let colour = self.base_colour_texture.as_ref().map_or(0, |texture| 12 * texture.picture.texels.len() as u64);
+        let metal = self.metallic_texture.as_ref().map_or(0, |texture| 4 * texture.picture.texels.len() as u64);
+        colour + metal
     }
 }
 

@@ -4,10 +4,12 @@ pub mod builtin;
 pub mod bvh;
 pub mod camera;
 pub mod file;
+mod file_material;
 pub mod geometry;
 pub mod light;
 pub mod material;
 pub mod sound;
+pub mod texture;
 pub mod wide;
 
 pub use camera::Camera;

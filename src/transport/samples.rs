@@ -110,9 +110,9 @@ pub fn reflectance(
             return [0.0; 4];
         }
         let material = &materials[point.material as usize];
-        let uv = match material.base_colour_texture {
-            Some(_) => geometry.uv(point.triangle as usize, at[0], at[1]),
-            None => [0.0; 2],
+        let uv = match material.is_textured() {
+            true => geometry.uv(point.triangle as usize, at[0], at[1]),
+            false => [0.0; 2],
         };
         let [r, g, b] = material.reflectance(uv);
         [r, g, b, 1.0]

@@ -12,7 +12,13 @@ use crate::transport::sampling;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-const RAYS: u32 = 32;
+/// About as many rays are cast in all, however many parts there are. Up to 1024 parts, each side gets its fill.
+const RAYS_IN_ALL: usize = 1 << 22;
+/// Places on a side that are looked from, and rays from each, at most.
+const PLACES: usize = 64;
+const RAYS: usize = 32;
+/// Rays from each place, at least.
+const FEWEST: usize = 8;
 /// A share of rays below this is a crack between triangles, not a view.
 const CRACK: f32 = 0.002;
 
@@ -75,31 +81,42 @@ fn connected_parts(geometry: &Geometry) -> Vec<u32> {
         .collect()
 }
 
+/// Places on each side, and rays from each place. Many places see more than many rays from one.
+fn pilot(parts: usize) -> (usize, u32) {
+    let share = (RAYS_IN_ALL / (2 * parts).max(1)).clamp(FEWEST, PLACES * RAYS);
+    let rays = (share / PLACES).max(FEWEST);
+    (share / rays, rays as u32)
+}
+
 /// For every side, the sides that it sees, or that see it, by more than a crack.
 fn views(geometry: &Geometry, part: &[u32], parts: usize, node: impl Fn(u32, bool) -> usize + Sync) -> Vec<Vec<usize>> {
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); parts];
     for (triangle, &p) in part.iter().enumerate() {
         members[p as usize].push(triangle as u32);
     }
+    let (places, rays_each) = pilot(parts);
     let counted: Vec<(usize, HashMap<usize, u32>, u32)> = members
         .par_iter()
         .enumerate()
         .flat_map_iter(|(p, triangles)| [true, false].map(|front| (p, triangles, front)))
         .map(|(p, triangles, front)| {
             let mut hits = HashMap::new();
-            let step = triangles.len().div_ceil(64).max(1);
+            let step = triangles.len().div_ceil(places).max(1);
             let chosen: Vec<u32> = triangles.iter().copied().step_by(step).collect();
             // Few triangles are looked from at several places each.
-            let repeats = (64 / chosen.len().max(1)).clamp(1, 32) as u32;
+            let repeats = (places / chosen.len().max(1)).clamp(1, 32) as u32;
             let mut rays = 0;
             for (i, &triangle) in chosen.iter().enumerate() {
                 for repeat in 0..repeats {
                     let seed = sampling::hash((p as u32) << 12 ^ (i as u32 * 37 + repeat));
                     let at = sampling::triangle(sampling::lattice(repeat, repeats, sampling::shift(seed)));
                     let point = geometry.surface_point(triangle as usize, at.x, at.y, front);
-                    for ray in 0..RAYS {
-                        let ray =
-                            unit_ray(&point, sampling::lattice(ray, RAYS, sampling::shift(!seed)), geometry.lift());
+                    for ray in 0..rays_each {
+                        let ray = unit_ray(
+                            &point,
+                            sampling::lattice(ray, rays_each, sampling::shift(!seed)),
+                            geometry.lift(),
+                        );
                         let hit = geometry.bvh.closest(&ray);
                         rays += 1;
                         if hit.triangle != SurfacePoint::NOWHERE.triangle {
@@ -121,4 +138,50 @@ fn views(geometry: &Geometry, part: &[u32], parts: usize, node: impl Fn(u32, boo
         }
     }
     edges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::geometry::{GeometryBuilder, Mesh};
+    use glam::{Mat4, Vec3};
+
+    #[test]
+    fn few_parts_are_looked_from_in_full_and_many_share_the_rays() {
+        for few in [0, 1, 2, 300, 1024] {
+            assert_eq!(pilot(few), (64, 32), "{few} parts");
+        }
+        for many in [1025, 3000, 20_000, 262_144] {
+            let (places, rays) = pilot(many);
+            assert!(places >= 1 && rays >= 8 && 2 * many * places * rays as usize <= RAYS_IN_ALL, "{many} parts");
+        }
+        assert_eq!(pilot(10_000_000), (1, 8));
+    }
+
+    /// Closed boxes over a floor: nearly all insides stay dead when each part has few rays.
+    #[test]
+    fn insides_stay_dead_among_many_parts() {
+        let mut builder = GeometryBuilder::default();
+        let mut cube = |centre: Vec3, size: Vec3| {
+            let corner = |i: usize| Vec3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 0.5 } else { -0.5 }));
+            let positions: Vec<[f32; 3]> = (0..8).map(|i| corner(i).to_array()).collect();
+            // Counter-clockwise from outside.
+            let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+            let indices: Vec<u32> = faces.iter().flat_map(|&[a, b, c, d]| [a, b, c, a, c, d]).collect();
+            let mesh = Mesh { positions: &positions, normals: None, uvs: None, indices: &indices, material: 0 };
+            let place = Mat4::from_translation(centre) * Mat4::from_scale(size);
+            let object = builder.object("cubes");
+            builder.add(object, &mesh, place).expect("a sound mesh");
+        };
+        cube(Vec3::new(40.0, -1.0, 40.0), Vec3::new(100.0, 1.0, 100.0));
+        for i in 0..3000 {
+            cube(Vec3::new((i % 55) as f32 * 1.5, 0.3, (i / 55) as f32 * 1.5), Vec3::ONE);
+        }
+        let geometry = builder.finish(vec!["stone".into()]).expect("triangles");
+        let live = live_sides(&geometry, &[geometry.surface_point(12, 0.3, 0.3, true)]);
+        assert!(live.iter().all(|&sides| sides & 1 == 1), "all fronts are live");
+        // Rays that start within the lift of an edge may slip out of a box.
+        let backs = live.iter().filter(|&&sides| sides & 2 != 0).count();
+        assert!(backs * 20 < live.len(), "{backs} of {} backs are live", live.len());
+    }
 }
