@@ -85,7 +85,7 @@ impl EntryFormat {
         let mut carried = 0.0;
         for &(index, weight) in row {
             let exact = weight as f64 / scale as f64 + carried;
-            let rounded = exact.round().clamp(-limit, limit) as i32;
+            let rounded = exact.round().clamp(if self.signed { -limit } else { 0.0 }, limit) as i32;
             if !self.signed {
                 carried = exact - rounded as f64;
             }
