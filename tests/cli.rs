@@ -101,6 +101,44 @@ fn nodes_and_schema_are_json_when_asked() {
     assert!(jsonschema::draft202012::meta::is_valid(&schema));
 }
 
+/// Recipes outlive versions: a change of their format shows in a file that is looked at. `CHIARO_BLESS=1` writes it anew.
+#[test]
+fn the_schema_is_the_one_that_is_kept() {
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/recipe.schema.json");
+    let printed = chiaro().arg("schema").assert().success().get_output().stdout.clone();
+    if std::env::var_os("CHIARO_BLESS").is_some() {
+        std::fs::write(&kept, &printed).unwrap();
+    }
+    let kept = std::fs::read(&kept).unwrap();
+    assert!(kept == printed, "the recipe schema has changed: CHIARO_BLESS=1 cargo test --release --test cli");
+}
+
+/// The Vulkan loader talks when it is asked to; on the CPU device nobody may wake it.
+#[test]
+fn the_cpu_device_never_asks_for_a_gpu() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut render = chiaro();
+    render.env("VK_LOADER_DEBUG", "all").arg("render").arg(root.join("graphs/edits/relight.json"));
+    render.args([
+        "--device",
+        "cpu",
+        "--no-cache",
+        "--progress",
+        "none",
+        "--set",
+        "view.width=8",
+        "--set",
+        "view.height=6",
+    ]);
+    render.arg("--out").arg(folder.path()).assert().success().stderr(is_empty());
+    // Where there is a loader (and a build that uses it), listing devices does wake it: the test can fail.
+    let listed = chiaro().env("VK_LOADER_DEBUG", "all").arg("devices").assert().success().get_output().clone();
+    if String::from_utf8_lossy(&listed.stdout).contains("vulkan") {
+        assert!(!listed.stderr.is_empty(), "the loader keeps quiet, so nothing was shown");
+    }
+}
+
 #[test]
 fn the_cpu_is_a_device() {
     // Vulkan's loader may have its own say on stderr.
