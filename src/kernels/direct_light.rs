@@ -6,6 +6,7 @@
 //! Output: N x RGB irradiance (W/m², fourth component 0), and where materials are given, N x RGB radiance that
 //! a GGX highlight (Walter et al. 2007, Schlick's Fresnel) sends to the eye.
 
+use super::RAY_SHADERS;
 #[cfg(feature = "gpu")]
 use super::{RAYS, fits_the_shader, pages};
 use crate::Result;
@@ -44,11 +45,7 @@ uniform! {
 
 pub const KERNEL: Kernel = Kernel {
     name: "direct_light",
-    shared: &[
-        include_str!("../../shaders/shared/grid.wgsl"),
-        include_str!("../../shaders/shared/bvh.wgsl"),
-        include_str!("../../shaders/shared/sampling.wgsl"),
-    ],
+    shared: RAY_SHADERS,
     source: include_str!("../../shaders/direct_light.wgsl"),
     workgroup: [64, 1, 1],
     uniform: Params::UNIFORM,

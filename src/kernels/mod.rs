@@ -28,6 +28,13 @@ use crate::{Error, Result};
 #[cfg(feature = "gpu")]
 use std::ops::Range;
 
+/// The shared WGSL of kernels that shoot rays.
+const RAY_SHADERS: &[&str] = &[
+    include_str!("../../shaders/shared/grid.wgsl"),
+    include_str!("../../shaders/shared/bvh.wgsl"),
+    include_str!("../../shaders/shared/sampling.wgsl"),
+];
+
 /// Every kernel, in the order of the alphabet.
 pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,

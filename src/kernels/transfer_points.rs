@@ -9,6 +9,7 @@
 //! rays and has no singularity.
 //! Output: rows x samples weights, and per row the harmonic mean of the distances, by weight, and the least.
 
+use super::RAY_SHADERS;
 #[cfg(feature = "gpu")]
 use super::{RAYS, fits_the_shader, pages};
 use crate::Result;
@@ -37,11 +38,7 @@ uniform! {
 
 pub const KERNEL: Kernel = Kernel {
     name: "transfer_points",
-    shared: &[
-        include_str!("../../shaders/shared/grid.wgsl"),
-        include_str!("../../shaders/shared/bvh.wgsl"),
-        include_str!("../../shaders/shared/sampling.wgsl"),
-    ],
+    shared: RAY_SHADERS,
     source: include_str!("../../shaders/transfer_points.wgsl"),
     workgroup: [64, 1, 1],
     uniform: Params::UNIFORM,

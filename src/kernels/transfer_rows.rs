@@ -8,6 +8,7 @@
 //! Output: rows x rays node numbers (0: the ray met nothing that sends light), and per row the harmonic mean and the
 //! least of the distances, which say how fast indirect light may change there (Ward et al. 1988).
 
+use super::RAY_SHADERS;
 #[cfg(feature = "gpu")]
 use super::{RAYS, fits_the_shader, pages};
 use crate::Result;
@@ -41,11 +42,7 @@ uniform! {
 
 pub const KERNEL: Kernel = Kernel {
     name: "transfer_rows",
-    shared: &[
-        include_str!("../../shaders/shared/grid.wgsl"),
-        include_str!("../../shaders/shared/bvh.wgsl"),
-        include_str!("../../shaders/shared/sampling.wgsl"),
-    ],
+    shared: RAY_SHADERS,
     source: include_str!("../../shaders/transfer_rows.wgsl"),
     workgroup: [64, 1, 1],
     uniform: Params::UNIFORM,

@@ -254,13 +254,15 @@ impl Planner<'_, '_> {
     }
 
     fn groups(&self, block: &[(usize, usize)]) -> Vec<Vec<(usize, usize)>> {
+        // A group has one light for all: it may bend half as much as a cell that interpolates.
+        let straight = (0.5 * self.spacing.relative.min(1.0)).cos();
         let mut groups: Vec<Vec<(usize, usize)>> = Vec::new();
         for &(x, y) in block {
             let point = self.grid.point(x, y);
             let fits = |group: &&mut Vec<(usize, usize)>| {
                 let first = self.grid.point(group[0].0, group[0].1);
                 let apart = (Vec3::from(first.position) - Vec3::from(point.position)).length();
-                same_surface(first, point, apart, self.straight())
+                same_surface(first, point, apart, straight)
             };
             match groups.iter_mut().find(fits) {
                 Some(group) => group.push((x, y)),
