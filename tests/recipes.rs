@@ -36,6 +36,15 @@ fn all_are_good_and_write_something() {
     }
 }
 
+/// The file of the project's test data that an error says is not there, if that is what it says.
+fn missing_data(error: &Error) -> Option<PathBuf> {
+    match error {
+        Error::AtNode { error, .. } => missing_data(error),
+        Error::File { path, .. } => Some(path.clone()).filter(|path| path.to_string_lossy().contains("shared/data")),
+        _ => None,
+    }
+}
+
 /// Keys need the content of every input file, and nothing that takes long.
 #[test]
 fn all_with_their_inputs_can_be_started() {
@@ -48,9 +57,7 @@ fn all_with_their_inputs_can_be_started() {
             match evaluator.keys(&plan, &targets, frame) {
                 Ok(keys) => assert!(targets.iter().all(|target| keys[*target].is_some())),
                 // Large scenes are not part of the repository; what ships with the recipes must be there.
-                Err(Error::File { path: file, .. }) if file.to_string_lossy().contains("shared/data") => {
-                    missing.push(file)
-                }
+                Err(error) if missing_data(&error).is_some() => missing.extend(missing_data(&error)),
                 Err(error) => panic!("{}, frame {frame}: {error}", path.display()),
             }
         }
