@@ -1,7 +1,7 @@
 //! Changes the indirect light that one set of surfaces sends to another (thesis 4.4.2, Algorithm 4).
 
 use crate::node::{Facet, Info, Inputs, Job, Node, Port};
-use crate::transport::edits::{CasterReceiver as Change, Edit};
+use crate::transport::edits::{Block, Change, Colour, Edit, Transit};
 use crate::transport::tone_curve::ToneCurve;
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
@@ -51,27 +51,24 @@ impl Node for CasterReceiver {
     };
 
     fn pass_through(&self) -> Option<&'static str> {
-        self.change(None, None).changes_nothing().then_some("edits")
+        self.change().changes_nothing().then_some("edits")
     }
 
     fn run(&self, inputs: &Inputs, _: &Job) -> Result<Vec<Value>> {
         if let Some(fault) = self.curve.fault() {
             return Err(Error::compute(format!("curve: {fault}"), "correct the curve parameter"));
         }
-        let change = self.change(inputs.selection("caster").cloned(), inputs.selection("receiver").cloned());
+        let block =
+            Block { caster: inputs.selection("caster").cloned(), receiver: inputs.selection("receiver").cloned() };
         let before = inputs.edits("edits").map(|edits| (**edits).clone()).unwrap_or_default();
-        let edits = if change.changes_nothing() { before } else { before.and(Edit::CasterReceiver(change)) };
+        let edits = before.and(Edit::Transit(Transit { block, change: self.change() }));
         Ok(vec![Value::Edits(Arc::new(edits))])
     }
 }
 
 impl CasterReceiver {
-    fn change(
-        &self,
-        caster: Option<Arc<crate::transport::Selection>>,
-        receiver: Option<Arc<crate::transport::Selection>>,
-    ) -> Change {
+    fn change(&self) -> Change {
         let Self { brightness, saturation, hue, curve } = self.clone();
-        Change { caster, receiver, brightness, saturation, hue, curve }
+        Change::Colour(Colour { brightness, saturation, hue, curve })
     }
 }

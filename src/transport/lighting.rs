@@ -5,7 +5,8 @@ use crate::device::Device;
 use crate::image::{Content, Layer};
 use crate::kernels::colour_edits::{ColourEdit, colour_edits};
 use crate::transport::atoms::{self, Atoms};
-use crate::transport::{Edit, Edits, Samples, Selection, Transfer};
+use crate::transport::edits::{Block, Change, Colour, Transit};
+use crate::transport::{Edits, Samples, Selection, Transfer};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
@@ -25,7 +26,7 @@ pub fn exitance(
     };
     let mut last = reflect(irradiance);
     let mut total = last.clone();
-    for _ in 1..transfer.bounces {
+    for _ in 1..transfer.settings.bounces {
         last = reflect(&transfer.bounce(device, &last)?);
         total
             .iter_mut()
@@ -37,7 +38,7 @@ pub fn exitance(
 
 /// A list of edits made ready for one transfer: which casters it tells apart, and where it applies.
 pub struct Prepared<'a> {
-    edits: Vec<&'a crate::transport::edits::CasterReceiver>,
+    edits: Vec<(&'a Block, &'a Colour)>,
     /// Index into `atoms.members` of each edit's caster; `None`: everything.
     caster: Vec<Option<usize>>,
     pub atoms: Atoms,
@@ -45,13 +46,16 @@ pub struct Prepared<'a> {
 
 impl<'a> Prepared<'a> {
     pub fn new(edits: &'a Edits, transfer: &Transfer) -> Result<Self> {
-        let edits: Vec<_> =
-            edits.0.iter().map(|Edit::CasterReceiver(edit)| edit).filter(|edit| !edit.changes_nothing()).collect();
+        let colour = |transit: &'a Transit| match &transit.change {
+            Change::Colour(colour) => Some((&transit.block, colour)),
+            _ => None,
+        };
+        let edits: Vec<_> = edits.transit().filter_map(colour).collect();
         let mut distinct: Vec<&Arc<Selection>> = Vec::new();
         let caster = edits
             .iter()
-            .map(|edit| {
-                let caster = edit.caster.as_ref()?;
+            .map(|(block, _)| {
+                let caster = block.caster.as_ref()?;
                 Some(distinct.iter().position(|known| *known == caster).unwrap_or_else(|| {
                     distinct.push(caster);
                     distinct.len() - 1
@@ -102,11 +106,11 @@ impl<'a> Prepared<'a> {
             .edits
             .iter()
             .zip(&self.caster)
-            .map(|(edit, caster)| ColourEdit {
+            .map(|((block, edit), caster)| ColourEdit {
                 atoms: ColourEdit::mask(caster.map_or(&all, |c| &self.atoms.members[c]).iter().copied()),
                 matrix: edit.matrix(),
                 curve: edit.knots(),
-                receiver: edit.receiver.as_ref().map(|selection| selection.weights(&samples.points).into()),
+                receiver: block.receiver.as_ref().map(|selection| selection.weights(&samples.points).into()),
             })
             .collect();
         let mut edited = colour_edits(device, atoms, count, &kernel_edits)?;

@@ -43,7 +43,7 @@ pub enum Placement {
 }
 
 /// Counts that follow from the tolerance.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Rays a row.
     pub rays: u32,
@@ -69,7 +69,7 @@ impl Quality {
     }
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     pub gather_samples: usize,
     pub bounces: u32,
@@ -128,15 +128,16 @@ pub fn precompute(
     };
     let indices: Vec<[u32; 4]> = layout.stencils.iter().map(|stencil| stencil.rows).collect();
     let weights: Vec<[f32; 4]> = layout.stencils.iter().map(|stencil| stencil.weights).collect();
+    let row_samples: Vec<u32> = layout.row_samples.iter().map(|&sample| sample as u32).collect();
     let transfer = Transfer {
         samples: samples.clone(),
         gather,
-        basis: settings.basis,
+        settings: *settings,
         rows,
+        row_samples: row_samples.into(),
         indices: indices.into(),
         weights: weights.into(),
         between,
-        bounces: settings.bounces,
     };
     Ok((transfer, cost))
 }

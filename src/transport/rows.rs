@@ -11,7 +11,7 @@ use crate::scene::geometry::NONE;
 use glam::Vec3;
 
 /// How finely rows are placed; all from the tolerance.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Spacing {
     /// Largest cell, in pixels; a power of two. 1: a row for every sample.
     pub largest: usize,

@@ -3,8 +3,9 @@
 use crate::scene::{Camera, Fingerprint};
 use crate::stored::{SectionReader, SectionWriter, Stored};
 use crate::transport::gather::Gather;
+use crate::transport::precompute::Settings;
 use crate::transport::sparse::{EntryFormat, SparseRows};
-use crate::transport::{Basis, Samples, Transfer};
+use crate::transport::{Samples, Transfer};
 use glam::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -62,22 +63,21 @@ fn read_rows(sections: &mut SectionReader) -> Option<SparseRows> {
 
 #[derive(Serialize, Deserialize)]
 struct Header {
-    basis: Basis,
-    bounces: u32,
+    settings: Settings,
     area: f32,
     between: bool,
 }
 
 impl Stored for Transfer {
     fn write<'a>(&'a self, sections: &mut SectionWriter<'a>) {
-        let Self { basis, bounces, .. } = *self;
-        sections.value(&Header { basis, bounces, area: self.gather.area, between: self.between.is_some() });
+        sections.value(&Header { settings: self.settings, area: self.gather.area, between: self.between.is_some() });
         self.samples.write(sections);
         sections.slice(&self.gather.points);
         sections.slice(&self.gather.barycentrics);
         sections.slice(&self.gather.radius2);
         sections.slice(&self.gather.sides);
         sections.slice(&self.gather.cells);
+        sections.slice(&self.row_samples);
         sections.slice(&self.indices);
         sections.slice(&self.weights);
         write_rows(&self.rows, sections);
@@ -85,7 +85,7 @@ impl Stored for Transfer {
     }
 
     fn read(sections: &mut SectionReader) -> Option<Self> {
-        let Header { basis, bounces, area, between } = sections.value()?;
+        let Header { settings, area, between } = sections.value()?;
         let samples = Arc::new(Samples::read(sections)?);
         let gather = Gather {
             area,
@@ -95,6 +95,7 @@ impl Stored for Transfer {
             sides: sections.vec::<[u32; 4]>()?.into(),
             cells: sections.vec::<u32>()?.into(),
         };
+        let row_samples: Vec<u32> = sections.vec()?;
         let (indices, weights): (Vec<[u32; 4]>, Vec<[f32; 4]>) = (sections.vec()?, sections.vec()?);
         let rows = read_rows(sections)?;
         let between = if between { Some(read_rows(sections)?) } else { None };
@@ -102,18 +103,19 @@ impl Stored for Transfer {
         let fits = count.is_power_of_two()
             && gather.barycentrics.len() == count
             && gather.radius2.len() == 2 * count
-            && rows.columns() == 1 << basis.index_bits(count)
+            && rows.columns() == 1 << settings.basis.index_bits(count)
+            && row_samples.len() == rows.rows()
             && indices.len() == samples.points.len()
             && weights.len() == indices.len();
         fits.then(|| Self {
             samples,
             gather,
-            basis,
+            settings,
             rows,
+            row_samples: row_samples.into(),
             indices: indices.into(),
             weights: weights.into(),
             between,
-            bounces,
         })
     }
 }

@@ -7,6 +7,7 @@
 use crate::device::{Array, Device};
 use crate::kernels::{average_pyramid, haar_encode, interpolate, sparse_product};
 use crate::transport::gather::Gather;
+use crate::transport::precompute::Settings;
 use crate::transport::samples::Samples;
 use crate::transport::sparse::SparseRows;
 use crate::{Error, Result};
@@ -35,26 +36,33 @@ pub struct Transfer {
     /// The view samples that rows are for.
     pub samples: Arc<Samples>,
     pub gather: Gather,
-    pub basis: Basis,
+    /// What it was asked for: rows that edits need beyond these are computed alike.
+    pub settings: Settings,
     /// Rows x basis functions.
     pub rows: SparseRows,
+    /// View sample of each row.
+    pub row_samples: Array<u32>,
     /// Rows that each view sample interpolates between, and their weights.
     pub indices: Array<[u32; 4]>,
     pub weights: Array<[f32; 4]>,
     /// Gather-to-gather rows, one a gather sample, when there is more than one bounce (thesis 3.1.1).
     pub between: Option<SparseRows>,
-    pub bounces: u32,
 }
 
 impl Transfer {
     pub fn bytes(&self) -> u64 {
         let between = self.between.as_ref().map_or(0, SparseRows::bytes);
-        self.samples.bytes() + self.gather.bytes() + self.rows.bytes() + between + 32 * self.indices.len() as u64
+        self.samples.bytes()
+            + self.gather.bytes()
+            + self.rows.bytes()
+            + between
+            + 32 * self.indices.len() as u64
+            + 4 * self.row_samples.len() as u64
     }
 
     /// Coefficients of `count` vectors of light over the gather samples, one after another.
     pub fn encode(&self, device: &Device, light: &[[f32; 4]], count: usize) -> Result<Vec<[f32; 4]>> {
-        match self.basis {
+        match self.settings.basis {
             Basis::Cut => average_pyramid(device, light, count),
             Basis::Haar => haar_encode(device, light, count),
         }

@@ -5,6 +5,9 @@ use crate::{Error, Result};
 use globset::{Glob, GlobSet, GlobSetBuilder};
 use rayon::prelude::*;
 
+/// A hash of content.
+pub type Digest = [u8; 16];
+
 #[derive(Clone, Debug, PartialEq)]
 pub enum Selection {
     /// Surfaces of chosen objects that are made of chosen materials, by number in one geometry.
@@ -47,6 +50,21 @@ impl Selection {
 
     pub fn weights(&self, points: &[SurfacePoint]) -> Vec<f32> {
         points.par_iter().with_min_len(4096).map(|point| self.weight(point)).collect()
+    }
+
+    /// Names the field: equal digests, equal weights everywhere.
+    pub fn digest(&self) -> Digest {
+        let mut hasher = blake3::Hasher::new();
+        match self {
+            Self::Names { geometry, objects, materials } => {
+                hasher.update(b"names").update(geometry);
+                for list in [objects, materials] {
+                    hasher.update(&(list.len() as u64).to_le_bytes());
+                    list.iter().for_each(|is| _ = hasher.update(&[u8::from(*is)]));
+                }
+            }
+        }
+        hasher.finalize().as_bytes()[..16].try_into().expect("16 of 32 bytes")
     }
 
     pub fn bytes(&self) -> u64 {
