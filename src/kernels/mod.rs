@@ -8,8 +8,10 @@
 pub mod average_pyramid;
 pub mod colour_edits;
 pub mod direct_light;
+pub mod entry_ways;
 pub mod haar_encode;
 pub mod interpolate;
+pub mod path_product;
 pub mod primary_visibility;
 pub mod sparse_product;
 pub mod tone_map;
@@ -18,8 +20,10 @@ pub mod transfer_rows;
 
 pub use average_pyramid::average_pyramid;
 pub use colour_edits::colour_edits;
+pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
 pub use interpolate::interpolate;
+pub use path_product::path_product;
 pub use sparse_product::sparse_product;
 pub use tone_map::tone_map;
 
@@ -40,8 +44,10 @@ pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
     &colour_edits::KERNEL,
     &direct_light::KERNEL,
+    &entry_ways::KERNEL,
     &haar_encode::KERNEL,
     &interpolate::KERNEL,
+    &path_product::KERNEL,
     &primary_visibility::KERNEL,
     &sparse_product::KERNEL,
     &tone_map::KERNEL,

@@ -111,9 +111,10 @@ impl<'a> Prepared<'a> {
                 matrix: edit.matrix(),
                 curve: edit.knots(),
                 receiver: block.receiver.as_ref().map(|selection| selection.weights(&samples.points).into()),
+                gain: None,
             })
             .collect();
-        let mut edited = colour_edits(device, atoms, count, &kernel_edits)?;
+        let mut edited = colour_edits(device, atoms, count, &kernel_edits)?.light;
         let receives = |i: usize| kernel_edits.iter().any(|edit| edit.receiver.as_ref().is_none_or(|w| w[i] > 0.0));
         edited.par_iter_mut().zip(whole).enumerate().with_min_len(TILE).for_each(|(i, (edited, whole))| {
             if !receives(i) {
