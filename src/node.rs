@@ -6,6 +6,7 @@
 
 use crate::device::Device;
 use crate::progress::Progress;
+use crate::stored::{SectionReader, SectionWriter, Stored};
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
 use std::any::Any;
@@ -250,10 +251,24 @@ impl Inputs<'_> {
     }
 }
 
-/// Intermediate results that outlive one run of a node, kept in the memory cache under a key of the node's making.
+/// Intermediate results that outlive one run of a node, under a key of the node's making.
 pub trait Memo: Send + Sync {
     fn get(&self, key: Key) -> Option<Arc<dyn Any + Send + Sync>>;
     fn put(&self, key: Key, value: Arc<dyn Any + Send + Sync>, bytes: u64);
+
+    /// Hands `read` what `save` laid down under that key, if it lasted. False: there is nothing, or nothing sound, and
+    /// what `read` has taken so far is void.
+    fn load(&self, _key: Key, _read: &mut dyn FnMut(&mut SectionReader) -> Option<()>) -> bool {
+        false
+    }
+
+    /// Lays a result down to last longer than the process, where there is room for that.
+    ///
+    /// # Errors
+    /// `Compute` in the checked mode, when something else was laid down under that key.
+    fn save(&self, _key: Key, _sections: &SectionWriter) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// A memo that remembers nothing.
@@ -313,6 +328,30 @@ impl Job<'_> {
         let value = Arc::new(compute()?);
         self.memo.put(key, value.clone(), bytes(&value));
         Ok(value)
+    }
+
+    /// As `memo`, for what is dear to compute: looks into the disk cache too, and leaves the result there.
+    pub fn keep<T: Stored + Send + Sync + 'static>(
+        &self,
+        key: Key,
+        bytes: impl Fn(&T) -> u64,
+        compute: impl FnOnce() -> Result<T>,
+    ) -> Result<Arc<T>> {
+        self.memo(key, bytes, || {
+            let mut found = None;
+            let sound = self.memo.load(key, &mut |sections| {
+                found = T::read(sections);
+                found.as_ref().map(|_| ())
+            });
+            if let Some(value) = found.filter(|_| sound) {
+                return Ok(value);
+            }
+            let value = compute()?;
+            let mut sections = SectionWriter::default();
+            value.write(&mut sections);
+            self.memo.save(key, &sections)?;
+            Ok(value)
+        })
     }
 }
 
