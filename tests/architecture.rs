@@ -39,6 +39,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("stored", &[]),
     ("progress", &[]),
     ("atomic", &[]),
+    ("memo", &["stored"]),
     ("memory", &[]),
     ("names", &[]),
 ];
@@ -48,7 +49,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
 const MATRIX: &str = "transport matrix";
 const MATRIX_FILES: &[&str] = &["cluster", "gather", "sampling", "sparse", "ways"];
 
-const EVERYONE: &[&str] = &["Error", "Result", "error", "progress", "stored", "atomic", "memory", "names"];
+const EVERYONE: &[&str] = &["Error", "Result", "error", "progress", "stored", "atomic", "memo", "memory", "names"];
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
