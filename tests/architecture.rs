@@ -36,10 +36,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("scene", &["device"]),
     ("image", &["device"]),
     ("device", &[]),
+    ("memo", &["stored"]),
     ("stored", &[]),
     ("progress", &[]),
     ("atomic", &[]),
-    ("memo", &["stored"]),
     ("memory", &[]),
     ("names", &[]),
 ];
