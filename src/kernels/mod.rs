@@ -9,8 +9,12 @@ pub mod average_pyramid;
 pub mod colour_edits;
 pub mod direct_light;
 pub mod haar_encode;
+pub mod hidden_rows;
 pub mod interpolate;
 pub mod primary_visibility;
+mod shared {
+    pub mod credit;
+}
 pub mod sparse_product;
 pub mod tone_map;
 pub mod transfer_points;
@@ -35,12 +39,17 @@ const RAY_SHADERS: &[&str] = &[
     include_str!("../../shaders/shared/sampling.wgsl"),
 ];
 
+/// The shared WGSL of kernels that credit rays to gather samples.
+const CREDIT_SHADERS: &[&str] =
+    &[RAY_SHADERS[0], RAY_SHADERS[1], RAY_SHADERS[2], include_str!("../../shaders/shared/credit.wgsl")];
+
 /// Every kernel, in the order of the alphabet.
 pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
     &colour_edits::KERNEL,
     &direct_light::KERNEL,
     &haar_encode::KERNEL,
+    &hidden_rows::KERNEL,
     &interpolate::KERNEL,
     &primary_visibility::KERNEL,
     &sparse_product::KERNEL,
