@@ -7,6 +7,7 @@
 use chiaro::device::{Array, Choice, Device};
 use chiaro::kernels::colour_edits::{ColourEdit, Knot};
 use chiaro::kernels::direct_light::{View, direct_light};
+use chiaro::kernels::hidden_rows::{Walk, hidden_rows};
 use chiaro::kernels::primary_visibility::primary_visibility;
 use chiaro::kernels::tone_map::Operator;
 use chiaro::kernels::transfer_points::transfer_points;
@@ -38,6 +39,7 @@ const TESTS: &[(&str, Test)] = &[
     ("direct_light", lights),
     ("entry_ways", entry_ways_of_rows),
     ("haar_encode", haar),
+    ("hidden_rows", behind),
     ("interpolate", interpolation),
     ("path_product", path_products),
     ("primary_visibility", views),
@@ -531,6 +533,38 @@ fn rows(devices: &Devices) -> Outcome {
                 / cpu.distances.len() as f32;
             if gpu.distances.len() != cpu.distances.len() || share < 0.98 {
                 return Err(format!("{rays} rays: {share} of the distances agree"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn behind(devices: &Devices) -> Outcome {
+    let scene = room();
+    let points = seen(&scene, 29, 23);
+    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
+        .map_err(|error| error.to_string())?;
+    let seeds: Array<u32> = (0..points.len() as u32).map(sampling::hash).collect::<Vec<_>>().into();
+    let some: Array<u32> = (0..2 * gather.count() as u32).map(|node| node % 3).collect::<Vec<_>>().into();
+    let all: Array<u32> = vec![1; 2 * gather.count()].into();
+    for (rays, credit, layers, admitted) in [(1, 0.25, 4, &all), (64, 0.25, 4, &some), (100, 0.0, 1, &all)] {
+        let run = |device| {
+            let walk = Walk { rays, credit, layers };
+            hidden_rows(device, &scene.geometry, &gather, &points, &seeds, admitted, walk)
+                .map_err(|error| error.to_string())
+        };
+        let cpu = run(&Device::Cpu)?;
+        if cpu.nodes.iter().all(|&node| node == 0) || layers == 1 && cpu.dropped.iter().all(|&dropped| dropped == 0) {
+            return Err(format!("{rays} rays: nothing is hidden, or nothing left out, so nothing was compared"));
+        }
+        for device in [&devices.gpu, &devices.paged] {
+            let gpu = run(device)?;
+            nearly_all("nodes", &gpu.nodes, &cpu.nodes, |a, b| a == b)
+                .map_err(|what| format!("{rays} rays: {what}"))?;
+            // A row's count is of all its rays: one that passes an edge on the other side changes it.
+            let equal = gpu.dropped.iter().zip(&cpu.dropped).filter(|(a, b)| a == b).count();
+            if gpu.dropped.len() != cpu.dropped.len() || (equal as f32) < 0.95 * cpu.dropped.len() as f32 {
+                return Err(format!("{rays} rays: {equal} of {} counts agree", cpu.dropped.len()));
             }
         }
     }

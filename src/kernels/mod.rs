@@ -10,9 +10,13 @@ pub mod colour_edits;
 pub mod direct_light;
 pub mod entry_ways;
 pub mod haar_encode;
+pub mod hidden_rows;
 pub mod interpolate;
 pub mod path_product;
 pub mod primary_visibility;
+mod shared {
+    pub mod credit;
+}
 pub mod sparse_product;
 pub mod tone_map;
 pub mod transfer_points;
@@ -39,6 +43,10 @@ const RAY_SHADERS: &[&str] = &[
     include_str!("../../shaders/shared/sampling.wgsl"),
 ];
 
+/// The shared WGSL of kernels that credit rays to gather samples.
+const CREDIT_SHADERS: &[&str] =
+    &[RAY_SHADERS[0], RAY_SHADERS[1], RAY_SHADERS[2], include_str!("../../shaders/shared/credit.wgsl")];
+
 /// Every kernel, in the order of the alphabet.
 pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
@@ -46,6 +54,7 @@ pub const ALL: &[&Kernel] = &[
     &direct_light::KERNEL,
     &entry_ways::KERNEL,
     &haar_encode::KERNEL,
+    &hidden_rows::KERNEL,
     &interpolate::KERNEL,
     &path_product::KERNEL,
     &primary_visibility::KERNEL,
