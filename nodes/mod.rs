@@ -6,10 +6,12 @@ pub mod compare;
 pub mod grade;
 pub mod light;
 pub mod merge;
+pub mod paint;
 pub mod pick;
 pub mod read_image;
 pub mod relight;
 pub mod scene;
+pub mod select;
 pub mod tone_map;
 pub mod transfer;
 pub mod view_samples;
@@ -24,6 +26,8 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<view_samples::ViewSamples>(),
     NodeType::of::<transfer::Transfer>(),
     NodeType::of::<pick::Pick>(),
+    NodeType::of::<paint::Paint>(),
+    NodeType::of::<select::Select>(),
     NodeType::of::<caster_receiver::CasterReceiver>(),
     NodeType::of::<relight::Relight>(),
     NodeType::of::<read_image::ReadImage>(),

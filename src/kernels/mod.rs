@@ -12,6 +12,7 @@ pub mod haar_encode;
 pub mod interpolate;
 pub mod primary_visibility;
 pub mod sparse_product;
+pub mod surroundings;
 pub mod tone_map;
 pub mod transfer_points;
 pub mod transfer_rows;
@@ -21,6 +22,7 @@ pub use colour_edits::colour_edits;
 pub use haar_encode::{haar_decode, haar_encode};
 pub use interpolate::interpolate;
 pub use sparse_product::sparse_product;
+pub use surroundings::surroundings;
 pub use tone_map::tone_map;
 
 use crate::device::Kernel;
@@ -44,6 +46,7 @@ pub const ALL: &[&Kernel] = &[
     &interpolate::KERNEL,
     &primary_visibility::KERNEL,
     &sparse_product::KERNEL,
+    &surroundings::KERNEL,
     &tone_map::KERNEL,
     &transfer_points::KERNEL,
     &transfer_rows::KERNEL,
