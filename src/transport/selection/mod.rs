@@ -8,6 +8,7 @@ mod names;
 mod nearest;
 mod paint;
 mod stroke;
+mod way;
 
 pub use combine::{Combined, Mode};
 pub use names::Names;

@@ -5,17 +5,17 @@
 //!
 //! ```text
 //! s = sqrt(along² + (OFF off)²) / r      off: part of x - c along n + m (0 on planes and balls), along: the rest
-//! weight = falloff(s) facing(n . m)      both smooth; or 0 where something stands between c and x
+//! weight = falloff(s) facing(n . m)      both smooth
 //! ```
 //!
-//! The largest weight of a stroke's capsules is the stroke's; strokes are laid over each other in order.
+//! Where something stands between `c` and `x`, `s` grows by as much as the way round it is longer; where there is no way
+//! within the radius, the weight is 0. The largest weight of a stroke's capsules is the stroke's; strokes are laid over each other in order.
 
 use super::stroke::{self, Laid, Stroke, StrokeMode};
+use super::way::Way;
 use super::{Digest, finish};
 use crate::Result;
-use crate::scene::bvh::Ray;
 use crate::scene::{Fingerprint, Geometry, SurfacePoint};
-use crate::transport::sampling;
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -67,8 +67,10 @@ const OFF: f32 = 4.0;
 const FACING: [f32; 2] = [0.866, 0.342];
 /// Samples that are held against strokes together: neighbours miss most strokes together.
 const GROUP: usize = 64;
-/// Rays that a sample may cost for one stroke.
+/// Places of a stroke that a sample tries to see.
 const RAYS: usize = 8;
+/// Of these, the nearest to which ways round are looked for.
+const DETOURS: usize = 2;
 /// Once something stands before a place of the brush, places within this part of the radius are not tried.
 const APART: f32 = 0.25;
 
@@ -129,43 +131,25 @@ impl Painted {
         }
     }
 
-    /// The weight of one stroke: the largest of those of its segments that see the point.
+    /// The weight of one stroke: the largest of those of its segments that get to the point.
     fn strength(&self, line: &Line, near: &[&Segment], point: &SurfacePoint, reaches: &mut Vec<Reach>) -> f32 {
         reaches.clear();
         reaches.extend(near.iter().filter_map(|segment| segment.reach(line.hardness, point)));
-        for _ in 0..RAYS {
+        let mut round = 0.0f32;
+        for tried in 0..RAYS {
             let order = |a: &&Reach, b: &&Reach| a.weight.total_cmp(&b.weight).then(b.distance.total_cmp(&a.distance));
-            let Some(best) = reaches.iter().max_by(order).copied() else { return 0.0 };
-            if self.sees(&best.knot, point) {
+            let Some(best) = reaches.iter().max_by(order).copied().filter(|best| best.weight > round) else { break };
+            let way = Way::new(&self.geometry, &best.knot, point);
+            if way.is_free() {
                 return best.weight;
+            }
+            if tried < DETOURS {
+                round = round.max(best.facing * falloff(best.distance * way.detour(best.distance), line.hardness));
             }
             let apart = APART * best.knot.radius;
             reaches.retain(|reach| reach.knot.position.distance(best.knot.position) > apart);
         }
-        0.0
-    }
-
-    /// Whether nothing stands between, on a way that goes up from the sample and over to the brush; on a ball, high enough
-    /// to pass over it.
-    fn sees(&self, knot: &Knot, point: &SurfacePoint) -> bool {
-        let (at, normal) = (Vec3::from(point.position), Vec3::from(point.normal));
-        let apart = at - knot.position;
-        let bulge = match apart.dot(normal - knot.normal) > 0.0 {
-            true => {
-                // Of a ball with these normals at its ends, relative to the chord: tan(angle / 4) / (2 cos(angle / 2)).
-                let half = 0.5 * normal.dot(knot.normal).clamp(-1.0, 1.0);
-                let (sin, cos) = ((0.5 - half).max(0.0).sqrt(), (0.5 + half).sqrt());
-                apart.length() * sin / (2.0 * cos * (1.0 + cos))
-            }
-            false => 0.0,
-        };
-        let raise = knot.raise + bulge;
-        let up = Vec3::from(point.geometric_normal);
-        let from = sampling::lifted(at, up, self.geometry.lift());
-        let over = sampling::lifted(at, up, raise);
-        let to = sampling::lifted(knot.position, knot.normal, raise);
-        let free = |a: Vec3, b: Vec3| !self.geometry.bvh.any(&Ray { origin: a, direction: b - a, t_max: 1.0 });
-        free(over, to) && free(from, over)
+        round
     }
 }
 
@@ -189,7 +173,9 @@ impl Line {
 /// What a segment would do to a sample, if nothing stands between.
 #[derive(Clone, Copy)]
 struct Reach {
+    /// `falloff(distance) facing`.
     weight: f32,
+    facing: f32,
     /// In radii.
     distance: f32,
     /// The place of the segment that is nearest to the sample.
@@ -222,8 +208,9 @@ impl Segment {
         let off = apart.dot((normal + knot.normal).normalize());
         let along = (apart.length_squared() - off * off).max(0.0);
         let distance = (along + (OFF * off) * (OFF * off)).sqrt() / knot.radius;
-        let weight = falloff(distance, hardness) * smooth((cosine - FACING[1]) / (FACING[0] - FACING[1]));
-        (weight > 0.0).then_some(Reach { weight, distance, knot })
+        let facing = smooth((cosine - FACING[1]) / (FACING[0] - FACING[1]));
+        let weight = falloff(distance, hardness) * facing;
+        (weight > 0.0).then_some(Reach { weight, facing, distance, knot })
     }
 }
 
