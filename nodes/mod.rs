@@ -10,10 +10,12 @@ pub mod illumination_brush;
 pub mod indirect_shadow;
 pub mod light;
 pub mod merge;
+pub mod paint;
 pub mod pick;
 pub mod read_image;
 pub mod relight;
 pub mod scene;
+pub mod select;
 pub mod source_brush;
 pub mod tone_map;
 pub mod transfer;
@@ -29,6 +31,8 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<view_samples::ViewSamples>(),
     NodeType::of::<transfer::Transfer>(),
     NodeType::of::<pick::Pick>(),
+    NodeType::of::<paint::Paint>(),
+    NodeType::of::<select::Select>(),
     NodeType::of::<caster_receiver::CasterReceiver>(),
     NodeType::of::<source_brush::SourceBrush>(),
     NodeType::of::<illumination_brush::IlluminationBrush>(),

@@ -185,6 +185,7 @@ fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -
     let mut light = vec![[0.0; 4]; samples];
     // The gains of a sample side by side while they are made.
     let told = edits.iter().filter(|edit| edit.tells()).count();
+    let edits: Vec<Listed> = edits.iter().map(|edit| Listed::new(edit, count)).collect();
     let mut gains = vec![1.0; samples * told];
     let chunks = light.par_chunks_mut(BLOCK).zip(match told {
         0 => (0..samples.div_ceil(BLOCK)).map(|_| &mut [][..]).collect::<Vec<&mut [f32]>>(),
@@ -199,9 +200,9 @@ fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -
                 *part = Vec3::new(r, g, b);
             }
             let mut tell = gains[i * told..][..told].iter_mut();
-            for edit in edits {
+            for edit in &edits {
                 let gain = apply(edit, n, &mut parts);
-                if edit.tells() {
+                if edit.edit.tells() {
                     *tell.next().expect("one for each that tells") = gain;
                 }
             }
@@ -261,8 +262,20 @@ fn gpu<'a>(gpu: &Gpu, atoms: &[[f32; 4]], samples: usize, count: usize, edits: &
     Ok(edited)
 }
 
+/// An edit with its mask as a list.
+struct Listed<'a> {
+    edit: &'a ColourEdit,
+    atoms: Vec<usize>,
+}
+
+impl<'a> Listed<'a> {
+    fn new(edit: &'a ColourEdit, count: usize) -> Self {
+        Self { edit, atoms: (0..count).filter(|&atom| in_mask(&edit.atoms, atom)).collect() }
+    }
+}
+
 /// Edits the atoms of one sample; the gain that the curve asked for.
-fn apply(edit: &ColourEdit, n: usize, light: &mut [Vec3]) -> f32 {
+fn apply(Listed { edit, atoms }: &Listed, n: usize, light: &mut [Vec3]) -> f32 {
     let weight = edit.receiver.as_ref().map_or(1.0, |receiver| receiver[n]);
     if weight == 0.0 {
         return 1.0;
@@ -271,22 +284,15 @@ fn apply(edit: &ColourEdit, n: usize, light: &mut [Vec3]) -> f32 {
     if let Some(given) = &edit.gain {
         gain = given[n];
     } else if !edit.curve.is_empty() {
-        let mut sum = Vec3::ZERO;
-        for (a, light) in light.iter().enumerate() {
-            if in_mask(&edit.atoms, a) {
-                sum += *light;
-            }
-        }
+        let sum = atoms.iter().fold(Vec3::ZERO, |sum, &atom| sum + light[atom]);
         let luminance = (edit.matrix * sum).dot(LUMINANCE);
         if luminance > DARK {
             gain = evaluate(&edit.curve, luminance) / luminance;
         }
     }
-    for (a, light) in light.iter_mut().enumerate() {
-        if in_mask(&edit.atoms, a) {
-            let edited = edit.matrix * *light * gain;
-            *light += (edited - *light) * weight;
-        }
+    for &atom in atoms {
+        let edited = edit.matrix * light[atom] * gain;
+        light[atom] += (edited - light[atom]) * weight;
     }
     gain
 }

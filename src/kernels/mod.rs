@@ -18,6 +18,7 @@ mod shared {
     pub mod credit;
 }
 pub mod sparse_product;
+pub mod surroundings;
 pub mod tone_map;
 pub mod transfer_points;
 pub mod transfer_rows;
@@ -29,6 +30,7 @@ pub use haar_encode::{haar_decode, haar_encode};
 pub use interpolate::interpolate;
 pub use path_product::path_product;
 pub use sparse_product::sparse_product;
+pub use surroundings::surroundings;
 pub use tone_map::tone_map;
 
 use crate::device::Kernel;
@@ -59,6 +61,7 @@ pub const ALL: &[&Kernel] = &[
     &path_product::KERNEL,
     &primary_visibility::KERNEL,
     &sparse_product::KERNEL,
+    &surroundings::KERNEL,
     &tone_map::KERNEL,
     &transfer_points::KERNEL,
     &transfer_rows::KERNEL,

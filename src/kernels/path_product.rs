@@ -97,16 +97,24 @@ struct Tables<'a> {
 fn row_sum(rows: &SparseRows, entries: &[u32], ways: &[u32], tables: &Tables, vector: &[[f32; 4]]) -> [f32; 4] {
     let format = rows.format();
     let mut sums = [[0.0f32; 4]; 4];
-    for (entries, ways) in entries.chunks(4).zip(ways.chunks(4)) {
-        for (sum, (&entry, &way)) in sums.iter_mut().zip(entries.iter().zip(ways)) {
-            let (index, weight) = format.unpack(entry);
-            let factor = tables.distance[(way >> 16) as usize] * tables.direction[(way & 0xffff) as usize];
-            let weight = weight as f32 * factor;
-            let light = &vector[index];
-            for c in 0..4 {
-                sum[c] += light[c] * weight;
-            }
+    let mut add = |lane: usize, entry: u32, way: u32| {
+        let (index, weight) = format.unpack(entry);
+        let factor = tables.distance[(way >> 16) as usize] * tables.direction[(way & 0xffff) as usize];
+        let weight = weight as f32 * factor;
+        let light = &vector[index];
+        for c in 0..4 {
+            sums[lane][c] += light[c] * weight;
         }
+    };
+    let (fours, rest) = entries.as_chunks::<4>();
+    let (way_fours, way_rest) = ways.as_chunks::<4>();
+    for (entries, ways) in fours.iter().zip(way_fours) {
+        for lane in 0..4 {
+            add(lane, entries[lane], ways[lane]);
+        }
+    }
+    for (lane, (&entry, &way)) in rest.iter().zip(way_rest).enumerate() {
+        add(lane, entry, way);
     }
     let [s0, s1, s2, s3] = sums;
     std::array::from_fn(|c| (s0[c] + s1[c]) + (s2[c] + s3[c]))

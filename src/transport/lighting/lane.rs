@@ -26,6 +26,8 @@ pub struct Lane<'a> {
     /// Rows that each sample interpolates between, and their weights.
     pub indices: Array<[u32; 4]>,
     pub weights: Array<[f32; 4]>,
+    /// Shadows on its samples can be weakened: hidden rows are laid out as its rows.
+    pub sees_through: bool,
     /// Names all of that.
     pub key: Key,
 }
@@ -40,6 +42,7 @@ impl<'a> Lane<'a> {
             samples: None,
             indices: transfer.indices.clone(),
             weights: transfer.weights.clone(),
+            sees_through: true,
             key: Key::of(&[b"diffuse", &stage.place.0]),
         }
     }
@@ -93,6 +96,13 @@ impl CutOut {
     /// The same rows of another matrix that is laid out as the lane's.
     pub fn rows_of(&self, matrix: &SparseRows) -> Result<SparseRows> {
         select(matrix, &self.lane_rows, None)
+    }
+
+    /// Which of the lane's rows are its.
+    pub fn is_of(&self, rows: usize) -> Vec<bool> {
+        let mut is = vec![false; rows];
+        self.lane_rows.iter().for_each(|&row| is[row as usize] = true);
+        is
     }
 
     /// The ways of the entries of `rows`, which are this cut-out's rows or laid out as they are.

@@ -10,10 +10,11 @@ use super::{Leaving, Stage, VEC4};
 use crate::device::Array;
 use crate::kernels::{path_product, sparse_product};
 use crate::memo::Key;
-use crate::transport::Selection;
 use crate::transport::edits::{Change, Transit};
+use crate::transport::hidden::{Hidden, LAYERS, hidden_rows};
 use crate::transport::transfer::Basis;
 use crate::transport::ways::Factors;
+use crate::transport::{Selection, SparseRows};
 use crate::{Error, Result};
 use glam::Vec4;
 use std::sync::Arc;
@@ -80,8 +81,31 @@ impl Paths<'_> {
             }
         };
         let encoded = stage.transfer.encode(stage.device, &light, 1)?;
-        let rows = match factors(edits, stage.transfer.gather.spacing()) {
-            None => sparse_product(stage.device, &cut.rows, &encoded, 1)?,
+        let factors = factors(edits, stage.transfer.gather.spacing());
+        let mut rows = self.product(&cut, &cut.rows, b"seen", factors.as_ref(), &encoded)?;
+        let amount = unhidden(edits);
+        if amount > 0.0 && lane.sees_through {
+            let hidden = cut.rows_of(&self.hidden(&cut)?.rows)?;
+            let more = self.product(&cut, &hidden, b"hidden", factors.as_ref(), &encoded)?;
+            rows.iter_mut().zip(more).for_each(|(sum, more)| {
+                *sum = (Vec4::from_array(*sum) + Vec4::from_array(more) * amount).to_array();
+            });
+        }
+        cut.interpolate(stage, &rows)
+    }
+
+    /// Light at rows that are laid out as those of the cut-out.
+    fn product(
+        &self,
+        cut: &CutOut,
+        rows: &SparseRows,
+        name: &[u8],
+        factors: Option<&Factors>,
+        encoded: &[[f32; 4]],
+    ) -> Result<Vec<[f32; 4]>> {
+        let stage = self.stage;
+        match factors {
+            None => sparse_product(stage.device, rows, encoded, 1),
             Some(factors) => {
                 if stage.transfer.settings.basis != Basis::Cut {
                     return Err(Error::compute(
@@ -89,11 +113,26 @@ impl Paths<'_> {
                         "give the transfer the basis \"cut\"",
                     ));
                 }
-                let ways: Arc<Array<u32>> = cut.ways(stage, lane, &cut.rows, b"seen")?;
-                path_product(stage.device, &cut.rows, &ways, &factors, &encoded)?
+                let ways = cut.ways(stage, self.lane, rows, name)?;
+                path_product(stage.device, rows, &ways, factors, encoded)
             }
-        };
-        cut.interpolate(stage, &rows)
+        }
+    }
+
+    /// What the view does not see of the light's senders, at the cut-out's rows.
+    fn hidden(&self, cut: &CutOut) -> Result<Arc<Hidden>> {
+        let stage = self.stage;
+        let transfer = stage.transfer;
+        stage.memo.keep(Key::of(&[b"hidden", &cut.key.0]), Hidden::bytes, || {
+            let everywhere = vec![1.0; transfer.gather.count()];
+            let senders = self.shares.map_or(&everywhere[..], |(shares, _)| shares);
+            let wanted = cut.is_of(transfer.rows.rows());
+            let hidden = hidden_rows(stage.device, stage.geometry, transfer, senders, &wanted, stage.progress)?;
+            if hidden.dropped > 0 {
+                tracing::warn!("{} hits behind more than {LAYERS} surfaces of a caster are left out", hidden.dropped);
+            }
+            Ok(hidden)
+        })
     }
 }
 
@@ -102,7 +141,7 @@ fn bytes_of(positions: Option<&Positions>) -> &[u8] {
 }
 
 /// Names a path edit, its receiver included; whose light it acts on is for the caller to say.
-fn edit_key(edit: &Transit) -> Key {
+pub fn edit_key(edit: &Transit) -> Key {
     let numbers: Vec<f32> = match &edit.change {
         Change::Falloff { exponent, distance } => vec![0.0, *exponent, *distance],
         Change::Shadow { amount } => vec![1.0, *amount],
@@ -111,6 +150,15 @@ fn edit_key(edit: &Transit) -> Key {
     };
     let receiver = edit.block.receiver.as_ref().map_or([0; 16], |receiver| receiver.digest());
     Key::of(&[bytemuck::cast_slice(&numbers), &receiver])
+}
+
+/// Share of what is hidden that a list lets through: each edit a share of what those before it left.
+fn unhidden(edits: &[&Transit]) -> f32 {
+    let kept = edits.iter().map(|edit| match edit.change {
+        Change::Shadow { amount } => 1.0 - amount,
+        _ => 1.0,
+    });
+    1.0 - kept.product::<f32>()
 }
 
 /// All factors of a list; `None` when nothing in it multiplies. Light from nearer than `nearest` metres counts as from

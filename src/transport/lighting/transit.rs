@@ -5,7 +5,7 @@
 //! edits that come after it in the list act on its result, so its gains are found from a shorter list first.
 
 use super::lane::{Lane, Positions};
-use super::paths::{Paths, Shares, at_positions};
+use super::paths::{Paths, Shares, at_positions, edit_key};
 use super::{Leaving, Stage};
 use crate::device::Array;
 use crate::kernels::colour_edits::{ColourEdit, Edited, colour_edits};
@@ -117,7 +117,9 @@ impl<'a> Between<'a> {
         gains: &mut Gains,
     ) -> Result<Vec<[f32; 4]>> {
         let list = &self.edits[..prefix];
-        let atoms = self.separated(lane, leaving, reach, prefix)?;
+        let key = Key::of(&[b"atoms", &lane.key.0, &leaving.key.0, &self.list_key(prefix).0]);
+        let bytes = |atoms: &Vec<[f32; 4]>| super::VEC4 * atoms.len() as u64;
+        let atoms = self.stage.memo.remember(key, bytes, || self.separated(lane, leaving, reach, prefix))?;
         let colours = (0..prefix).filter_map(|e| {
             let Change::Colour(colour) = &list[e].change else { return None };
             let gain = gains[e].as_ref().map(|gain| reach.of_view(lane, gain));
@@ -139,6 +141,21 @@ impl<'a> Between<'a> {
             gains[number] = Some(reach.to_view(lane, told, self.stage.transfer.samples.points.len()));
         }
         Ok(light)
+    }
+
+    /// Names the casters, the receivers and the path edits of the first edits: all that the atoms depend on.
+    fn list_key(&self, prefix: usize) -> Key {
+        let parts: Vec<[u8; 16]> = self
+            .edits
+            .iter()
+            .enumerate()
+            .flat_map(|(e, edit)| {
+                let digest = |selection: &Option<Arc<Selection>>| selection.as_ref().map_or([0; 16], |s| s.digest());
+                let path = if edit.is_colour() || e >= prefix { [u8::from(e < prefix); 16] } else { edit_key(edit).0 };
+                [digest(&edit.block.caster), digest(&edit.block.receiver), path]
+            })
+            .collect();
+        Key::of(&[b"list", bytemuck::cast_slice(&parts)])
     }
 
     /// The atoms of light, one after another, where the list reaches: each where an edit tells it apart; what is not
