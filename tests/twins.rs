@@ -13,7 +13,8 @@ use chiaro::kernels::tone_map::Operator;
 use chiaro::kernels::transfer_points::transfer_points;
 use chiaro::kernels::transfer_rows::transfer_rows;
 use chiaro::kernels::{
-    self, average_pyramid, colour_edits, entry_ways, haar_encode, interpolate, path_product, sparse_product, tone_map,
+    self, average_pyramid, colour_edits, entry_ways, haar_encode, interpolate, path_product, sparse_product,
+    surroundings, tone_map,
 };
 use chiaro::scene::{Camera, Light, LightKind, Scene, SurfacePoint, builtin, light};
 use chiaro::transport::gather::Gather;
@@ -44,6 +45,7 @@ const TESTS: &[(&str, Test)] = &[
     ("path_product", path_products),
     ("primary_visibility", views),
     ("sparse_product", products),
+    ("surroundings", openness),
     ("tone_map", tones),
     ("transfer_points", pairs),
     ("transfer_rows", rows),
@@ -565,6 +567,42 @@ fn behind(devices: &Devices) -> Outcome {
             let equal = gpu.dropped.iter().zip(&cpu.dropped).filter(|(a, b)| a == b).count();
             if gpu.dropped.len() != cpu.dropped.len() || (equal as f32) < 0.95 * cpu.dropped.len() as f32 {
                 return Err(format!("{rays} rays: {equal} of {} counts agree", cpu.dropped.len()));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn openness(devices: &Devices) -> Outcome {
+    let scene = room();
+    let mut points = seen(&scene, 37, 29).to_vec();
+    points.push(SurfacePoint::NOWHERE);
+    // Outside, where nothing is met, and close to a wall, where hits are near.
+    points.push(SurfacePoint {
+        position: [50.0, 0.0, 0.0],
+        normal: [1.0, 0.0, 0.0],
+        geometric_normal: [1.0, 0.0, 0.0],
+        ..points[0]
+    });
+    points.push(SurfacePoint {
+        position: [-1.999, 0.0, 0.0],
+        normal: [0.0, 1.0, 0.0],
+        geometric_normal: [0.0, 1.0, 0.0],
+        ..points[0]
+    });
+    for rays in [1, 64, 100, 257] {
+        let run = |device| surroundings(device, &scene.geometry, &points, rays).map_err(|error| error.to_string());
+        let cpu = run(&Device::Cpu)?;
+        let (finite, infinite) = (cpu.iter().filter(|x| x.is_finite()).count(), cpu.len() - 3);
+        if cpu[infinite..infinite + 2] != [f32::INFINITY; 2] || 2 * finite < cpu.len() {
+            return Err(format!("{rays} rays: {finite} of {} distances are finite", cpu.len()));
+        }
+        for device in [&devices.gpu, &devices.paged] {
+            let gpu = run(device)?;
+            // A mean comes from many rays, one of which may pass an edge on its other side.
+            let share = gpu.iter().zip(&cpu).filter(|(a, b)| close(&[**a], &[**b])).count() as f32 / cpu.len() as f32;
+            if gpu.len() != cpu.len() || share < 0.98 {
+                return Err(format!("{rays} rays: {share} of the distances agree"));
             }
         }
     }

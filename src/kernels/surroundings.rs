@@ -2,8 +2,8 @@
 //! 1988; thesis 4.4.5), over which indirect light changes about as much as it can.
 //!
 //! `1 / R = (1/rays) sum_r 1 / d_r` over cosine-distributed rays: a surface counts by what it may add to the irradiance, as
-//! in Ward's estimate of its rate of change and in `transfer_rows`. Without the cosine, grazing rays, which bring hardly
-//! any light, would make up half of the mean. A ray that meets nothing adds 0; where none meets anything, `R` is infinite.
+//! in Ward's estimate of its rate of change and in `transfer_rows`. Without the cosine, directions within 30 degrees of the
+//! surface, a quarter of the irradiance, would make up half of the mean. A ray that meets nothing adds 0; where none meets anything, `R` is infinite.
 //! All points use one pattern of rays, so that neighbours differ by where they lie and not by chance.
 
 use super::RAY_SHADERS;
