@@ -6,7 +6,7 @@ struct Params {
     rows: u32,          // rows of this page
     first_entry: u32,   // number of the page's first entry among all entries
     index_bits: u32,    // high bits of an entry that hold the column
-    is_signed: u32,     // the other bits are two's complement
+    pad0: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -36,12 +36,7 @@ fn path_product(
         let end = offsets[row + 1u] - params.first_entry;
         for (var i = offsets[row] - params.first_entry + lane; i < end; i += 4u) {
             let entry = entries[i];
-            let high = entry << params.index_bits;
-            let weight = f32(select(
-                bitcast<i32>(high >> params.index_bits),
-                bitcast<i32>(high) >> params.index_bits,
-                params.is_signed != 0u,
-            ));
+            let weight = f32(entry << params.index_bits >> params.index_bits);
             let way = ways[i];
             let factor = factors[way >> 16u] * factors[CODES + (way & 0xffffu)];
             sum += vector[entry >> (32u - params.index_bits)] * (weight * factor);

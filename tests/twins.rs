@@ -385,7 +385,12 @@ fn edits(devices: &Devices) -> Outcome {
             .collect();
         let what = format!("{samples} samples, {count} atoms, {length} edits");
         let run = |device: &Device, atoms: &[[f32; 4]]| {
-            let edited = colour_edits(device, atoms, count, &list)?;
+            // The last of many atoms is dark.
+            let mut atoms: Vec<&[[f32; 4]]> = atoms.chunks(samples).collect();
+            if count > 3 {
+                atoms[count - 1] = &[];
+            }
+            let edited = colour_edits(device, &atoms, samples, &list)?;
             let gains = edited.gains.concat().into_iter().map(|gain| [gain; 4]);
             Ok(edited.light.into_iter().chain(gains).collect())
         };

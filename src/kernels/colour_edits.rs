@@ -18,7 +18,6 @@
 
 #[cfg(feature = "gpu")]
 use super::pages;
-use super::vector_length;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
 use crate::device::kernel::uniform;
@@ -140,21 +139,27 @@ pub const KERNEL: Kernel = Kernel {
     ],
 };
 
-/// Edits `count` atoms of light at N samples (`count` vectors of N elements) and adds them up.
+/// Edits atoms of light at N samples and adds them up. An atom has N elements, or none: it is dark.
 ///
 /// `Error::Compute` when a receiver has not N weights, a curve's knots do not rise, or a mask names an atom that is not
 /// there.
-pub fn colour_edits(device: &Device, atoms: &[[f32; 4]], count: usize, edits: &[ColourEdit]) -> Result<Edited> {
-    let samples = vector_length(KERNEL.name, atoms.len(), count)?;
+pub fn colour_edits(device: &Device, atoms: &[&[[f32; 4]]], samples: usize, edits: &[ColourEdit]) -> Result<Edited> {
+    let count = atoms.len();
+    if let Some(atom) = atoms.iter().find(|atom| !atom.is_empty() && atom.len() != samples) {
+        return Err(Error::compute(
+            format!("colour_edits: an atom of {} elements for {samples} samples", atom.len()),
+            "this is a fault of the node that called the kernel; please report it",
+        ));
+    }
     for (number, edit) in edits.iter().enumerate() {
         check(edit, samples, count).map_err(|what| {
             Error::compute(format!("colour_edits: edit {}: {what}", number + 1), "correct the edit node")
         })?;
     }
     match device {
-        Device::Cpu => Ok(cpu(atoms, samples, count, edits)),
+        Device::Cpu => Ok(cpu(atoms, samples, edits)),
         #[cfg(feature = "gpu")]
-        Device::Gpu(gpu) => self::gpu(gpu, atoms, samples, count, edits),
+        Device::Gpu(gpu) => self::gpu(gpu, atoms, samples, edits),
     }
 }
 
@@ -181,7 +186,8 @@ fn check(edit: &ColourEdit, samples: usize, count: usize) -> std::result::Result
     Ok(())
 }
 
-fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -> Edited {
+fn cpu(atoms: &[&[[f32; 4]]], samples: usize, edits: &[ColourEdit]) -> Edited {
+    let count = atoms.len();
     let mut light = vec![[0.0; 4]; samples];
     // The gains of a sample side by side while they are made.
     let told = edits.iter().filter(|edit| edit.tells()).count();
@@ -195,9 +201,8 @@ fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -
         let mut parts = vec![Vec3::ZERO; count];
         for (i, total) in totals.iter_mut().enumerate() {
             let n = block * BLOCK + i;
-            for (a, part) in parts.iter_mut().enumerate() {
-                let [r, g, b, _] = atoms[a * samples + n];
-                *part = Vec3::new(r, g, b);
+            for (part, atom) in parts.iter_mut().zip(atoms) {
+                *part = atom.get(n).map_or(Vec3::ZERO, |&[r, g, b, _]| Vec3::new(r, g, b));
             }
             let mut tell = gains[i * told..][..told].iter_mut();
             for edit in &edits {
@@ -215,7 +220,8 @@ fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -
 }
 
 #[cfg(feature = "gpu")]
-fn gpu<'a>(gpu: &Gpu, atoms: &[[f32; 4]], samples: usize, count: usize, edits: &'a [ColourEdit]) -> Result<Edited> {
+fn gpu<'a>(gpu: &Gpu, atoms: &[&[[f32; 4]]], samples: usize, edits: &'a [ColourEdit]) -> Result<Edited> {
+    let count = atoms.len();
     let mask_words = count.div_ceil(32);
     let (mut packed, mut masks, mut knots) = (Vec::new(), Vec::new(), Vec::new());
     let mut given: Vec<&Array<f32>> = Vec::new();
@@ -247,7 +253,8 @@ fn gpu<'a>(gpu: &Gpu, atoms: &[[f32; 4]], samples: usize, count: usize, edits: &
             edits: edits.len() as u32,
             mask_words: mask_words as u32,
         };
-        let light = gpu.upload_columns(atoms, samples, range.clone());
+        let dark = vec![[0.0; 4]; if atoms.iter().any(|atom| atom.is_empty()) { range.len() } else { 0 }];
+        let light = gpu.upload_parts(atoms.iter().map(|atom| atom.get(range.clone()).unwrap_or(&dark)));
         let lists = gpu.upload_parts(given.iter().map(|list| &list[range.clone()]));
         let totals = gpu.storage::<[f32; 4]>(range.len());
         let gains = gpu.storage::<f32>(range.len() * told as usize);
@@ -332,6 +339,12 @@ fn hermite(a: Knot, b: Knot, x: f32) -> f32 {
 mod tests {
     use super::*;
 
+    /// With the atoms one after another.
+    fn edited(atoms: &[[f32; 4]], count: usize, edits: &[ColourEdit]) -> Result<Edited> {
+        let samples = atoms.len() / count;
+        colour_edits(&Device::Cpu, &atoms.chunks(samples).collect::<Vec<_>>(), samples, edits)
+    }
+
     fn edit(atoms: impl IntoIterator<Item = usize>, matrix: Mat3) -> ColourEdit {
         ColourEdit { atoms: ColourEdit::mask(atoms), matrix, curve: Vec::new(), receiver: None, gain: None }
     }
@@ -346,7 +359,7 @@ mod tests {
         let atoms = [[1.0, 2.0, 3.0, 9.0], [0.0, 4.0, 0.0, 9.0], [0.5, 0.5, 0.5, 9.0], [0.0, 2.0, 1.0, 9.0]];
         let mut no_green = edit([0, 1], Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)));
         no_green.receiver = Some(vec![0.0, 0.5].into());
-        let out = colour_edits(&Device::Cpu, &atoms, 2, &[edit([0], double()), no_green]).unwrap();
+        let out = edited(&atoms, 2, &[edit([0], double()), no_green]).unwrap();
         assert_eq!(out.light, [[2.5, 4.5, 6.5, 0.0], [0.0, 5.0, 1.0, 0.0]]);
     }
 
@@ -357,11 +370,11 @@ mod tests {
         let mut atoms = vec![[0.0; 4]; 41];
         (atoms[0], atoms[7], atoms[40]) = ([1.0, 1.0, 1.0, 0.0], [5.0; 4], [0.5, 0.5, 0.5, 0.0]);
         // Luminance 2 * 1.5 = 3 -> 2; then 2 * 3 = 6 -> 2 + 3 * 0.5 = 3.5; atom 7 is left alone.
-        let out = colour_edits(&Device::Cpu, &atoms, 41, &[curved.clone()]).unwrap();
+        let out = edited(&atoms, 41, &[curved.clone()]).unwrap();
         assert!((out.light[0][0] - 7.0).abs() < 1e-5, "{out:?}");
-        let out = colour_edits(&Device::Cpu, &atoms, 41, &[edit([0, 40], double()), curved.clone()]).unwrap();
+        let out = edited(&atoms, 41, &[edit([0, 40], double()), curved.clone()]).unwrap();
         assert!((out.light[0][1] - 8.5).abs() < 1e-5, "{out:?}");
-        let dark = colour_edits(&Device::Cpu, &[[0.0; 4]; 41], 41, &[curved]).unwrap();
+        let dark = edited(&[[0.0; 4]; 41], 41, &[curved]).unwrap();
         assert_eq!(dark.light, [[0.0; 4]], "no light, nothing to scale");
     }
 
@@ -372,11 +385,11 @@ mod tests {
         curved.curve = vec![Knot::new(2.0, 1.0, 0.0)];
         curved.receiver = Some(vec![1.0, 1.0, 0.0].into());
         let list = [edit([0], double()), curved];
-        let first = colour_edits(&Device::Cpu, &atoms, 1, &list).unwrap();
+        let first = edited(&atoms, 1, &list).unwrap();
         assert_eq!(first.gains, [[1.0 / 4.0, 1.0 / 16.0, 1.0]]);
         let mut given = list.clone();
         given[1].gain = Some(first.gains[0].clone().into());
-        let again = colour_edits(&Device::Cpu, &atoms, 1, &given).unwrap();
+        let again = edited(&atoms, 1, &given).unwrap();
         assert_eq!((again.light, again.gains.len()), (first.light, 0));
     }
 
@@ -394,8 +407,8 @@ mod tests {
         let atoms = [[0.1, f32::MIN_POSITIVE, 65504.0, 0.0], [0.3, 1e-30, -1.0, 0.0]];
         let mut none = edit([0, 1], double());
         none.receiver = Some(vec![0.0].into());
-        let out = colour_edits(&Device::Cpu, &atoms, 2, &[none]).unwrap();
-        assert_eq!(out, colour_edits(&Device::Cpu, &atoms, 2, &[]).unwrap());
+        let out = edited(&atoms, 2, &[none]).unwrap();
+        assert_eq!(out, edited(&atoms, 2, &[]).unwrap());
     }
 
     #[test]
@@ -408,7 +421,7 @@ mod tests {
         let mut infinite = edit([0], double());
         infinite.curve = vec![Knot::new(0.0, f32::INFINITY, 0.0)];
         for bad in [edit([2], double()), short, falling, infinite] {
-            assert!(colour_edits(&Device::Cpu, &atoms, 2, &[bad]).is_err());
+            assert!(edited(&atoms, 2, &[bad]).is_err());
         }
     }
 }

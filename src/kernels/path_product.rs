@@ -2,7 +2,8 @@
 //! `out[row] = scale[row] * sum_e weight_e * distance[way_e >> 16] * direction[way_e & 0xffff] * vector[index_e]`.
 //!
 //! The tables hold any change of light by distance and direction (thesis 5.4.2), so that a slider of such an edit costs
-//! a new table and one pass over the entries of its block. Order of the sum as in `sparse_product`.
+//! a new table and one pass over the entries of its block. Order of the sum as in `sparse_product`. Rows of basis `cut`
+//! only, whose weights are unsigned.
 
 #[cfg(feature = "gpu")]
 use super::sparse_product::row_pages;
@@ -23,7 +24,7 @@ uniform! {
         rows: u32,
         first_entry: u32,
         index_bits: u32,
-        is_signed: u32,
+        pad0: u32,
     }
 }
 
@@ -52,14 +53,16 @@ pub fn path_product(
     factors: &Factors,
     vector: &[[f32; 4]],
 ) -> Result<Vec<[f32; 4]>> {
-    let fits = ways.len() == rows.entries().len()
+    let fits = !rows.format().signed
+        && ways.len() == rows.entries().len()
         && vector.len() == rows.columns()
         && [&factors.distance, &factors.direction].iter().all(|table| table.len() == CODES);
     if !fits {
         let message = format!(
-            "path_product: {} ways for {} entries, a vector of {} elements for {} columns",
+            "path_product: {} ways for {} entries of {:?}, a vector of {} elements for {} columns",
             ways.len(),
             rows.entries().len(),
+            rows.format(),
             vector.len(),
             rows.columns()
         );
@@ -73,51 +76,103 @@ pub fn path_product(
 }
 
 fn cpu(rows: &SparseRows, ways: &[u32], factors: &Factors, vector: &[[f32; 4]]) -> Vec<[f32; 4]> {
-    let tables = Tables {
-        distance: factors.distance.as_slice().try_into().expect("length was checked"),
-        direction: factors.direction.as_slice().try_into().expect("length was checked"),
-    };
+    let is_one = |table: &[f32]| table.iter().all(|&factor| factor == 1.0);
+    // A table of ones is not looked into: times one changes no bit.
+    match (is_one(&factors.distance), is_one(&factors.direction)) {
+        (false, true) => multiply::<true, false>(rows, ways, factors, vector),
+        (true, false) => multiply::<false, true>(rows, ways, factors, vector),
+        _ => multiply::<true, true>(rows, ways, factors, vector),
+    }
+}
+
+struct Tables<'a> {
+    distance: &'a [f32; CODES],
+    direction: &'a [f32; CODES],
+    vector: &'a [[f32; 4]],
+    index_bits: u32,
+}
+
+fn multiply<const DISTANCE: bool, const DIRECTION: bool>(
+    rows: &SparseRows,
+    ways: &[u32],
+    factors: &Factors,
+    vector: &[[f32; 4]],
+) -> Vec<[f32; 4]> {
+    let index_bits = rows.format().index_bits;
+    assert_eq!(vector.len(), 1 << index_bits, "a column has index_bits bits");
+    let distance = factors.distance.as_slice().try_into().expect("length was checked");
+    let direction = factors.direction.as_slice().try_into().expect("length was checked");
+    let tables = Tables { distance, direction, vector, index_bits };
     let mut products = vec![[0.0; 4]; rows.rows()];
     products.par_chunks_mut(BLOCK).enumerate().for_each(|(block, products)| {
         for (row, product) in (block * BLOCK..).zip(products) {
             let range = rows.offsets()[row] as usize..rows.offsets()[row + 1] as usize;
-            let sum = row_sum(rows, &rows.entries()[range.clone()], &ways[range], &tables, vector);
+            let sum = row_sum::<DISTANCE, DIRECTION>(&rows.entries()[range.clone()], &ways[range], &tables);
             *product = sum.map(|sum| sum * rows.scale()[row]);
         }
     });
     products
 }
 
-struct Tables<'a> {
-    distance: &'a [f32; CODES],
-    direction: &'a [f32; CODES],
+#[inline]
+fn row_sum<const DISTANCE: bool, const DIRECTION: bool>(entries: &[u32], ways: &[u32], tables: &Tables) -> [f32; 4] {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") {
+        // SAFETY: the processor has what the function is compiled for.
+        return unsafe { row_sum_avx2::<DISTANCE, DIRECTION>(entries, ways, tables) };
+    }
+    row_sum_plain::<DISTANCE, DIRECTION>(entries, ways, tables)
+}
+
+/// The same code for wider registers, without fused operations: the same bits.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi2")]
+fn row_sum_avx2<const DISTANCE: bool, const DIRECTION: bool>(
+    entries: &[u32],
+    ways: &[u32],
+    tables: &Tables,
+) -> [f32; 4] {
+    row_sum_plain::<DISTANCE, DIRECTION>(entries, ways, tables)
 }
 
 #[inline(always)]
-fn row_sum(rows: &SparseRows, entries: &[u32], ways: &[u32], tables: &Tables, vector: &[[f32; 4]]) -> [f32; 4] {
-    let format = rows.format();
+fn row_sum_plain<const DISTANCE: bool, const DIRECTION: bool>(
+    entries: &[u32],
+    ways: &[u32],
+    tables: &Tables,
+) -> [f32; 4] {
     let mut sums = [[0.0f32; 4]; 4];
-    let mut add = |lane: usize, entry: u32, way: u32| {
-        let (index, weight) = format.unpack(entry);
-        let factor = tables.distance[(way >> 16) as usize] * tables.direction[(way & 0xffff) as usize];
-        let weight = weight as f32 * factor;
-        let light = &vector[index];
-        for c in 0..4 {
-            sums[lane][c] += light[c] * weight;
-        }
-    };
     let (fours, rest) = entries.as_chunks::<4>();
     let (way_fours, way_rest) = ways.as_chunks::<4>();
     for (entries, ways) in fours.iter().zip(way_fours) {
         for lane in 0..4 {
-            add(lane, entries[lane], ways[lane]);
+            add::<DISTANCE, DIRECTION>(&mut sums[lane], entries[lane], ways[lane], tables);
         }
     }
-    for (lane, (&entry, &way)) in rest.iter().zip(way_rest).enumerate() {
-        add(lane, entry, way);
+    for (sum, (&entry, &way)) in sums.iter_mut().zip(rest.iter().zip(way_rest)) {
+        add::<DISTANCE, DIRECTION>(sum, entry, way, tables);
     }
     let [s0, s1, s2, s3] = sums;
     std::array::from_fn(|c| (s0[c] + s1[c]) + (s2[c] + s3[c]))
+}
+
+#[inline(always)]
+fn add<const DISTANCE: bool, const DIRECTION: bool>(sum: &mut [f32; 4], entry: u32, way: u32, tables: &Tables) {
+    // From i32 the conversion is a single instruction, and a weight fits in 31 bits.
+    let mut weight = (entry << tables.index_bits >> tables.index_bits) as i32 as f32;
+    let mut factor = 1.0;
+    if DISTANCE {
+        factor *= tables.distance[(way >> 16) as usize];
+    }
+    if DIRECTION {
+        factor *= tables.direction[(way & 0xffff) as usize];
+    }
+    weight *= factor;
+    // SAFETY: what is left of an entry has index_bits bits, and `multiply` holds the vector to be that long.
+    let light = unsafe { tables.vector.get_unchecked((entry >> (32 - tables.index_bits)) as usize) };
+    for c in 0..4 {
+        sum[c] += light[c] * weight;
+    }
 }
 
 #[cfg(feature = "gpu")]
@@ -137,7 +192,7 @@ fn gpu(
             rows: range.len() as u32,
             first_entry: entries.start as u32,
             index_bits: rows.format().index_bits,
-            is_signed: rows.format().signed.into(),
+            pad0: 0,
         };
         let part = gpu.storage::<[f32; 4]>(range.len());
         let buffers = [

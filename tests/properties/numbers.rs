@@ -20,7 +20,7 @@ fn through(curve: &ToneCurve, luminances: &[f32]) -> Vec<f32> {
         receiver: None,
         gain: None,
     };
-    colour_edits(&Device::Cpu, &light, 1, &[edit]).unwrap().light.iter().map(|light| light[1]).collect()
+    colour_edits(&Device::Cpu, &[&light], light.len(), &[edit]).unwrap().light.iter().map(|light| light[1]).collect()
 }
 
 /// Points of a curve that never falls: steps to the right and up.

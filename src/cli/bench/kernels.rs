@@ -98,8 +98,9 @@ fn edits(device: &Device) {
             gain: None,
         })
         .collect();
+    let parts: Vec<&[[f32; 4]]> = atoms.chunks(samples).collect();
     time("colour_edits 640 x 480, 4 atoms, 3 edits", 16 * atoms.len(), || {
-        black_box(kernels::colour_edits(device, &atoms, count, &edits).expect("fits"));
+        black_box(kernels::colour_edits(device, &parts, samples, &edits).expect("fits"));
     });
 }
 

@@ -141,7 +141,7 @@ fn bytes_of(positions: Option<&Positions>) -> &[u8] {
 }
 
 /// Names a path edit, its receiver included; whose light it acts on is for the caller to say.
-pub fn edit_key(edit: &Transit) -> Key {
+fn edit_key(edit: &Transit) -> Key {
     let numbers: Vec<f32> = match &edit.change {
         Change::Falloff { exponent, distance } => vec![0.0, *exponent, *distance],
         Change::Shadow { amount } => vec![1.0, *amount],

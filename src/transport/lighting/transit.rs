@@ -5,7 +5,7 @@
 //! edits that come after it in the list act on its result, so its gains are found from a shorter list first.
 
 use super::lane::{Lane, Positions};
-use super::paths::{Paths, Shares, at_positions, edit_key};
+use super::paths::{Paths, Shares, at_positions};
 use super::{Leaving, Stage};
 use crate::device::Array;
 use crate::kernels::colour_edits::{ColourEdit, Edited, colour_edits};
@@ -71,11 +71,11 @@ impl<'a> Between<'a> {
     /// The edited light at all samples of a lane. Samples that no edit's receiver holds keep every bit of the whole.
     /// `gains`: of the curves, where they were found already, at the diffuse lane.
     pub fn arriving(&self, lane: &Lane, leaving: &Leaving, gains: Option<&Gains>) -> Result<Arriving> {
-        let whole = self.paths(lane, leaving, None).light(&[], None)?;
+        let whole = || self.paths(lane, leaving, None).light(&[], None);
         let reach = Reach::new(self, lane)?;
         let mut gains = gains.cloned().unwrap_or_else(|| vec![None; self.edits.len()]);
         if self.edits.is_empty() || reach.count == 0 {
-            return Ok(Arriving { light: whole.to_vec(), gains });
+            return Ok(Arriving { light: whole()?.to_vec(), gains });
         }
         let bytes = super::VEC4 * (2 * self.parts() * reach.count) as u64;
         let what = format!("{} parts of the light", self.parts());
@@ -90,7 +90,7 @@ impl<'a> Between<'a> {
         let light = match &reach.positions {
             None => edited,
             Some(positions) => {
-                let mut light = whole.to_vec();
+                let mut light = whole()?.to_vec();
                 positions.iter().zip(edited).for_each(|(&position, edited)| light[position as usize] = edited);
                 light
             }
@@ -117,9 +117,8 @@ impl<'a> Between<'a> {
         gains: &mut Gains,
     ) -> Result<Vec<[f32; 4]>> {
         let list = &self.edits[..prefix];
-        let key = Key::of(&[b"atoms", &lane.key.0, &leaving.key.0, &self.list_key(prefix).0]);
-        let bytes = |atoms: &Vec<[f32; 4]>| super::VEC4 * atoms.len() as u64;
-        let atoms = self.stage.memo.remember(key, bytes, || self.separated(lane, leaving, reach, prefix))?;
+        let atoms = self.separated(lane, leaving, reach, prefix)?;
+        let atoms: Vec<&[[f32; 4]]> = atoms.iter().map(|atom| &atom[..]).collect();
         let colours = (0..prefix).filter_map(|e| {
             let Change::Colour(colour) = &list[e].change else { return None };
             let gain = gains[e].as_ref().map(|gain| reach.of_view(lane, gain));
@@ -135,7 +134,7 @@ impl<'a> Between<'a> {
             ))
         });
         let (numbers, colours): (Vec<usize>, Vec<ColourEdit>) = colours.unzip();
-        let Edited { light, gains: told } = colour_edits(self.stage.device, &atoms, self.parts(), &colours)?;
+        let Edited { light, gains: told } = colour_edits(self.stage.device, &atoms, reach.count, &colours)?;
         let tell = numbers.into_iter().zip(&colours).filter(|(_, edit)| edit.tells()).map(|(number, _)| number);
         for (number, told) in tell.zip(told) {
             gains[number] = Some(reach.to_view(lane, told, self.stage.transfer.samples.points.len()));
@@ -143,52 +142,52 @@ impl<'a> Between<'a> {
         Ok(light)
     }
 
-    /// Names the casters, the receivers and the path edits of the first edits: all that the atoms depend on.
-    fn list_key(&self, prefix: usize) -> Key {
-        let parts: Vec<[u8; 16]> = self
-            .edits
-            .iter()
-            .enumerate()
-            .flat_map(|(e, edit)| {
-                let digest = |selection: &Option<Arc<Selection>>| selection.as_ref().map_or([0; 16], |s| s.digest());
-                let path = if edit.is_colour() || e >= prefix { [u8::from(e < prefix); 16] } else { edit_key(edit).0 };
-                [digest(&edit.block.caster), digest(&edit.block.receiver), path]
-            })
-            .collect();
-        Key::of(&[b"list", bytemuck::cast_slice(&parts)])
-    }
-
-    /// The atoms of light, one after another, where the list reaches: each where an edit tells it apart; what is not
-    /// told apart stays in the first.
-    fn separated(&self, lane: &Lane, leaving: &Leaving, reach: &Reach, prefix: usize) -> Result<Vec<[f32; 4]>> {
+    /// The atoms of light where the list reaches: each where an edit tells it apart, dark elsewhere; what is not told
+    /// apart stays in the first.
+    fn separated(&self, lane: &Lane, leaving: &Leaving, reach: &Reach, prefix: usize) -> Result<Vec<Light>> {
         let path_edits = |atom: Option<usize>| -> Vec<&Transit> {
             let acts = |e: usize| atom.map_or(self.caster[e].is_none(), |atom| self.acts_on(e, atom));
             (0..prefix).filter(|&e| !self.edits[e].is_colour() && acts(e)).map(|e| self.edits[e]).collect()
         };
         let on_all = path_edits(None);
-        let mut atoms = self.paths(lane, leaving, None).light(&on_all, reach.positions.as_ref())?.to_vec();
-        atoms.resize(self.parts() * reach.count, [0.0; 4]);
-        let (rest, others) = atoms.split_at_mut(reach.count);
-        for (atom, own) in (1..self.parts()).zip(others.chunks_exact_mut(reach.count)) {
+        let everything = self.paths(lane, leaving, None).light(&on_all, reach.positions.as_ref())?;
+        let mut atoms = vec![everything.clone()];
+        // Of each atom, the light to take out of the first.
+        let mut taken: Vec<Light> = Vec::new();
+        for atom in 1..self.parts() {
             let tells = (0..prefix).filter(|&e| self.caster[e].is_some() && self.acts_on(e, atom));
-            let Some((places, positions)) = reach.where_any(tells) else { continue };
+            let Some((places, positions)) = reach.where_any(tells) else {
+                atoms.push(Arc::default());
+                continue;
+            };
             let on_atom = path_edits(Some(atom));
             let paths = self.paths(lane, leaving, Some(atom));
-            let changed = paths.light(&on_atom, positions.as_ref())?;
-            let taken = if on_atom.len() == on_all.len() {
-                changed.clone()
-            } else {
-                paths.light(&on_all, positions.as_ref())?
+            let here = |edits: &[&Transit]| -> Result<Light> {
+                let light = paths.light(edits, positions.as_ref())?;
+                Ok(places.as_ref().map_or(light.clone(), |places| Arc::new(scatter(&light, places, reach.count))))
             };
-            let place = |i: usize| places.as_ref().map_or(i, |places| places[i] as usize);
-            for (i, (changed, taken)) in changed.iter().zip(taken.iter()).enumerate() {
-                own[place(i)] = *changed;
-                let left = Vec4::from_array(rest[place(i)]) - Vec4::from_array(*taken);
-                rest[place(i)] = left.to_array();
-            }
+            let changed = here(&on_atom)?;
+            taken.push(if on_atom.len() == on_all.len() { changed.clone() } else { here(&on_all)? });
+            atoms.push(changed);
+        }
+        if !taken.is_empty() {
+            let left = |(i, all): (usize, &[f32; 4])| {
+                let left = taken.iter().fold(Vec4::from_array(*all), |left, atom| left - Vec4::from_array(atom[i]));
+                left.to_array()
+            };
+            atoms[0] = Arc::new(everything.par_iter().enumerate().with_min_len(4096).map(left).collect());
         }
         Ok(atoms)
     }
+}
+
+/// One element a place.
+type Light = Arc<Vec<[f32; 4]>>;
+
+fn scatter(light: &[[f32; 4]], places: &[u32], count: usize) -> Vec<[f32; 4]> {
+    let mut all = vec![[0.0; 4]; count];
+    places.iter().zip(light).for_each(|(&place, light)| all[place as usize] = *light);
+    all
 }
 
 /// Where a list of edits reaches in a lane.
