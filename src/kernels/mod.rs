@@ -8,6 +8,7 @@
 pub mod average_pyramid;
 pub mod colour_edits;
 pub mod direct_light;
+pub mod glossy_rows;
 pub mod haar_encode;
 pub mod hidden_rows;
 pub mod interpolate;
@@ -48,6 +49,7 @@ pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
     &colour_edits::KERNEL,
     &direct_light::KERNEL,
+    &glossy_rows::KERNEL,
     &haar_encode::KERNEL,
     &hidden_rows::KERNEL,
     &interpolate::KERNEL,

@@ -5,6 +5,7 @@ use chiaro::device::Device;
 use chiaro::progress::Progress;
 use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Camera, Geometry};
+use chiaro::transport::glossy::Gloss;
 use chiaro::transport::lighting::exitance;
 use chiaro::transport::precompute::{Estimator, Placement, Quality, Settings, precompute};
 use chiaro::transport::{Basis, Samples, Transfer};
@@ -45,6 +46,7 @@ fn furnace_transfer(placement: Placement, bounces: u32) -> Transfer {
         basis: Basis::Cut,
         coefficients: 100,
         estimator: Estimator::Rays,
+        glossy: Gloss::None,
         quality: Quality::of(0.1, placement),
     };
     precompute(&Device::Cpu, &geometry, &Arc::new(samples), &settings, Progress::silent()).unwrap().0
