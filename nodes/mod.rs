@@ -5,6 +5,7 @@ pub mod caster_receiver;
 pub mod compare;
 pub mod grade;
 pub mod light;
+pub mod material;
 pub mod merge;
 pub mod pick;
 pub mod read_image;
@@ -20,6 +21,7 @@ use crate::params::NodeType;
 pub const ALL: &[NodeType] = &[
     NodeType::of::<scene::Scene>(),
     NodeType::of::<light::Light>(),
+    NodeType::of::<material::Material>(),
     NodeType::of::<camera::Camera>(),
     NodeType::of::<view_samples::ViewSamples>(),
     NodeType::of::<transfer::Transfer>(),

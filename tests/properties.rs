@@ -7,6 +7,8 @@ mod glossy;
 mod hidden;
 #[path = "properties/lights.rs"]
 mod lights;
+#[path = "properties/materials.rs"]
+mod materials;
 #[path = "properties/numbers.rs"]
 mod numbers;
 #[path = "support/room.rs"]
@@ -42,6 +44,7 @@ fn a_node_that_changes_nothing_is_its_input() {
     let passing: BTreeMap<&str, Json> = BTreeMap::from([
         ("caster_receiver", json!({})),
         ("grade", json!({})),
+        ("material", json!({ "materials": ["red"] })),
         ("merge", json!({ "amount": 0.0 })),
         ("tone_map", json!({ "operator": "none" })),
     ]);
@@ -73,6 +76,7 @@ fn a_node_that_changes_nothing_is_its_input() {
         let same = match (&value, &before) {
             (Value::Image(a), Value::Image(b)) => std::sync::Arc::ptr_eq(a, b),
             (Value::Edits(a), Value::Edits(b)) => std::sync::Arc::ptr_eq(a, b),
+            (Value::Scene(a), Value::Scene(b)) => std::sync::Arc::ptr_eq(a, b),
             _ => panic!("{name} passes what this test does not compare"),
         };
         assert!(same, "{name} gives another value");

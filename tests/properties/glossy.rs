@@ -257,10 +257,10 @@ fn rows_depend_on_roughness_and_not_on_colour() {
 fn glossy_rows_survive_the_disk() {
     let geometry = room();
     let transfer = transfer(&geometry, (24, 18), Placement::Adaptive, Basis::Cut);
-    let glossy = Some(glossy(&geometry, &transfer, &POLISHED, Gloss::Ggx));
+    let glossy = glossy(&geometry, &transfer, &POLISHED, Gloss::Ggx);
     let folder = tempfile::tempdir().unwrap();
     let disk = Disk::open(folder.path(), 1 << 30).unwrap();
-    let store = |name: u8, glossy: &Option<GlossyTransfer>| {
+    let store = |name: u8, glossy: Option<GlossyTransfer>| {
         let mut sections = SectionWriter::default();
         glossy.write(&mut sections);
         disk.put(Key([name; 16]), &sections).unwrap();
@@ -269,9 +269,8 @@ fn glossy_rows_survive_the_disk() {
             other => panic!("{other:?}"),
         }
     };
-    assert!(store(1, &None).is_none());
-    let again = store(2, &glossy).unwrap();
-    let glossy = glossy.unwrap();
+    assert!(store(1, None).is_none());
+    let again = store(2, Some(glossy.clone())).unwrap();
     assert_eq!(radiance(&transfer, &again, 0.5, painted), radiance(&transfer, &glossy, 0.5, painted));
     assert_eq!((again.rays, again.bytes(), again.places()), (glossy.rays, glossy.bytes(), glossy.places()));
 }
