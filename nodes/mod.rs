@@ -3,14 +3,21 @@
 pub mod camera;
 pub mod caster_receiver;
 pub mod compare;
+pub mod directionality;
+pub mod falloff;
 pub mod grade;
+pub mod illumination_brush;
+pub mod indirect_shadow;
 pub mod light;
 pub mod material;
 pub mod merge;
+pub mod paint;
 pub mod pick;
 pub mod read_image;
 pub mod relight;
 pub mod scene;
+pub mod select;
+pub mod source_brush;
 pub mod tone_map;
 pub mod transfer;
 pub mod view_samples;
@@ -26,7 +33,14 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<view_samples::ViewSamples>(),
     NodeType::of::<transfer::Transfer>(),
     NodeType::of::<pick::Pick>(),
+    NodeType::of::<paint::Paint>(),
+    NodeType::of::<select::Select>(),
     NodeType::of::<caster_receiver::CasterReceiver>(),
+    NodeType::of::<source_brush::SourceBrush>(),
+    NodeType::of::<illumination_brush::IlluminationBrush>(),
+    NodeType::of::<falloff::Falloff>(),
+    NodeType::of::<indirect_shadow::IndirectShadow>(),
+    NodeType::of::<directionality::Directionality>(),
     NodeType::of::<relight::Relight>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),

@@ -306,7 +306,7 @@ fn what_a_node_cannot_do_is_1_and_says_what_can_be_done() {
             &["\"transport\"", "100", "power of two", "use 128"][..],
         ),
         ("/nodes/pick/params/objects", json!(["walls"]), &["\"pick\"", "\"walls\"", "\"wall\""]),
-        ("/nodes/pick/params/objects", json!(["*door*"]), &["\"pick\"", "*door*", "floor"]),
+        ("/nodes/pick/params/objects", json!(["*door*"]), &["\"pick\"", "*door*", "\"floor\", \"wall\""]),
         ("/nodes/pick/params/materials", json!(["[g-"]), &["\"pick\"", "[g-"]),
         ("/nodes/bleed/params/curve", json!({ "points": [[1, 1], [1, 2]] }), &["\"bleed\"", "curve"]),
         (
@@ -318,6 +318,71 @@ fn what_a_node_cannot_do_is_1_and_says_what_can_be_done() {
         ("/nodes/room/params/file", json!("builtin:rom"), &["\"room\"", "rom", "room"]),
     ] {
         Bench::room().set(pointer, value).refused(1, words);
+    }
+}
+
+/// The room's floor and wall are painted instead of picked.
+fn painted(strokes: Json) -> Bench {
+    let paint = json!({ "type": "paint", "params": { "strokes": strokes }, "inputs": { "scene": "room" } });
+    Bench::room().set("/nodes/pick", paint)
+}
+
+#[test]
+fn strokes_and_selections_that_make_no_sense_are_named() {
+    let stroke = |field: &str, value: Json| {
+        let mut stroke = json!({ "points": [[0.2, 0, 0.2], [0.4, 0, 0.2]], "radius": 0.3 });
+        stroke[field] = value;
+        painted(json!([{ "points": [[0.1, 0, 0.1]], "radius": 0.2 }, stroke]))
+    };
+    let normal = json!([0, 1, 0]);
+    for (bench, code, words) in [
+        (stroke("radius", json!(0)), 2, &["\"strokes\"", "at [1].radius: 0 is too small", "more than 0"][..]),
+        (stroke("radius", json!(-2)), 2, &["\"strokes\"", "-2 is too small"]),
+        (stroke("radius", json!(1e39)), 2, &["\"strokes\"", "too large"]),
+        (stroke("radius", json!(null)), 2, &["\"strokes\"", "expected a number"]),
+        (stroke("hardness", json!(1.5)), 2, &["\"strokes\"", "at [1].hardness: 1.5 is too large"]),
+        (stroke("value", json!(-1)), 2, &["\"strokes\"", "at [1].value: -1 is too small"]),
+        (stroke("points", json!([])), 2, &["\"strokes\"", "too short"]),
+        (stroke("points", json!([[0, 0]])), 2, &["\"strokes\"", "too short"]),
+        (stroke("mode", json!("rub")), 2, &["\"strokes\"", "\"rub\""]),
+        (stroke("hardnes", json!(0.5)), 2, &["\"strokes\"", "hardnes"]),
+        (stroke("normals", json!([normal, normal, normal])), 1, &["\"pick\"", "strokes[1].normals has 3 for 2 points"]),
+        (stroke("normals", json!([normal, [0, 0, 0]])), 1, &["\"pick\"", "strokes[1].normals[1]", "no direction"]),
+        (
+            stroke("points", json!([[0, 900, 0], [0, 700, 0]])),
+            1,
+            &["\"pick\"", "strokes[1] touches no surface", "m away", "raise the radius"],
+        ),
+    ] {
+        bench.refused(code, words);
+    }
+    let select = |mode: &str, inputs: Json| {
+        Bench::room()
+            .set("/nodes/both", json!({ "type": "select", "params": { "mode": mode }, "inputs": inputs }))
+            .set("/nodes/bleed/inputs/caster", json!("both"))
+    };
+    select("union", json!({ "a": "pick" })).refused(1, &["\"both\" (select)", "union", "connect b"]);
+    select("invert", json!({ "a": "pick", "b": "pick" })).refused(1, &["\"both\" (select)", "invert", "take b off"]);
+    select("intersct", json!({ "a": "pick" })).refused(2, &["intersct", "\"intersect\""]);
+    let foreign = select("union", json!({ "a": "pick", "b": "other" }))
+        .set("/nodes/stage", json!({ "type": "scene", "params": { "file": "builtin:room" } }))
+        .set("/nodes/other", json!({ "type": "pick", "inputs": { "scene": "stage" } }));
+    foreign.refused(1, &["\"both\" (select)", "different scenes", "connect the same scene"]);
+}
+
+#[test]
+fn strokes_that_partly_miss_are_painted_counted_and_warned_of() {
+    let strokes = json!([{ "points": [[0.2, 0, 0.2], [0, 900, 0]], "radius": 0.3 }]);
+    for (strokes, points, off, warned) in [(strokes, 2, 1, "strokes[0]: 1 of 2 points"), (json!([]), 0, 0, "")] {
+        let bench = painted(strokes);
+        let report = bench.path("report.json");
+        let output = bench.run(&bench.recipe.to_string(), &["--report", report.to_str().unwrap()]);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        assert!(said.contains(warned) && said.contains("strokes[") != warned.is_empty(), "{said}");
+        let report: Json = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+        let paint = report["nodes"].as_array().unwrap().iter().find(|node| node["node"] == "pick").unwrap();
+        assert_eq!((&paint["notes"]["points"], &paint["notes"]["points_off_surfaces"]), (&json!(points), &json!(off)));
     }
 }
 

@@ -43,9 +43,14 @@ fn a_node_that_changes_nothing_is_its_input() {
     // Parameters with which node types pass an input through; those that do by default must be here.
     let passing: BTreeMap<&str, Json> = BTreeMap::from([
         ("caster_receiver", json!({})),
+        ("directionality", json!({})),
+        ("falloff", json!({})),
         ("grade", json!({})),
+        ("illumination_brush", json!({})),
+        ("indirect_shadow", json!({ "amount": 0.0 })),
         ("material", json!({ "materials": ["red"] })),
         ("merge", json!({ "amount": 0.0 })),
+        ("source_brush", json!({})),
         ("tone_map", json!({ "operator": "none" })),
     ]);
     for node_type in nodes::ALL {

@@ -199,7 +199,8 @@ impl Planner<'_> {
                 Err(complaints) => {
                     fine = false;
                     for (at, message, help) in complaints {
-                        let message = format!("parameter \"{name}\" of {}: {message}", node_type.info.name);
+                        let inside = inside(&at);
+                        let message = format!("parameter \"{name}\" of {}{inside}: {message}", node_type.info.name);
                         self.complain_of_param(node, name, Part::Value, (at, message, help));
                     }
                 }
@@ -358,6 +359,19 @@ impl Planner<'_> {
 }
 
 /// A curve when it is written as one, unless the parameter takes just such an object as its value.
+/// `, at [1].radius` for the pointer `/1/radius`; nothing for the whole parameter.
+fn inside(pointer: &str) -> String {
+    let mut path = String::new();
+    for name in pointer.split('/').skip(1) {
+        match name.parse::<usize>() {
+            Ok(index) => path += &format!("[{index}]"),
+            Err(_) if path.is_empty() => path += name,
+            Err(_) => path += &format!(".{name}"),
+        }
+    }
+    if path.is_empty() { path } else { format!(", at {path}") }
+}
+
 fn read_param(param: &ParamChecker, value: &Json) -> std::result::Result<Param, Vec<Complaint>> {
     let Some(object) = value.as_object().filter(|_| curve::is_curve(value) && !param.accepts(value)) else {
         let complaints = param.complaints(value);

@@ -8,24 +8,30 @@
 pub mod average_pyramid;
 pub mod colour_edits;
 pub mod direct_light;
+pub mod entry_ways;
 pub mod glossy_rows;
 pub mod haar_encode;
 pub mod hidden_rows;
 pub mod interpolate;
+pub mod path_product;
 pub mod primary_visibility;
 mod shared {
     pub mod credit;
 }
 pub mod sparse_product;
+pub mod surroundings;
 pub mod tone_map;
 pub mod transfer_points;
 pub mod transfer_rows;
 
 pub use average_pyramid::average_pyramid;
 pub use colour_edits::colour_edits;
+pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
 pub use interpolate::interpolate;
+pub use path_product::path_product;
 pub use sparse_product::sparse_product;
+pub use surroundings::surroundings;
 pub use tone_map::tone_map;
 
 use crate::device::Kernel;
@@ -49,12 +55,15 @@ pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
     &colour_edits::KERNEL,
     &direct_light::KERNEL,
+    &entry_ways::KERNEL,
     &glossy_rows::KERNEL,
     &haar_encode::KERNEL,
     &hidden_rows::KERNEL,
     &interpolate::KERNEL,
+    &path_product::KERNEL,
     &primary_visibility::KERNEL,
     &sparse_product::KERNEL,
+    &surroundings::KERNEL,
     &tone_map::KERNEL,
     &transfer_points::KERNEL,
     &transfer_rows::KERNEL,

@@ -19,6 +19,7 @@ pub mod sparse;
 mod stored;
 pub mod tone_curve;
 pub mod transfer;
+pub mod ways;
 
 pub use edits::{Edit, Edits};
 pub use samples::Samples;

@@ -2,17 +2,20 @@
 
 use crate::room::{evaluate, evaluator, image, layer, recipe, relative_rms, relight};
 use chiaro::device::Device;
-use chiaro::progress::Progress;
+use chiaro::memo::{Key, NoMemo};
+use chiaro::progress::{Progress, Silent};
 use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Camera, Geometry};
+use chiaro::transport::edits::SourceBrush;
 use chiaro::transport::glossy::Gloss;
-use chiaro::transport::lighting::exitance;
+use chiaro::transport::lighting::{Stage, leaving};
 use chiaro::transport::precompute::{Estimator, Placement, Quality, Settings, precompute};
 use chiaro::transport::{Basis, Samples, Transfer};
 use chiaro::value::Value;
 use glam::{Mat4, Vec3};
 use serde_json::json;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// The six faces of a box from -1 to 1, seen from within or from without.
 pub fn cuboid(builder: &mut GeometryBuilder, name: &str, place: Mat4, inward: bool) {
@@ -67,7 +70,8 @@ fn a_furnace_is_evenly_lit() {
     }
 }
 
-/// With irradiance E from lights on every surface of albedo r, what leaves after n reflections is E r + E r² + ...
+/// With irradiance E from lights on every surface of albedo r, what leaves after n reflections is E r + E r² + ...; a
+/// brush scales the reflectance and adds light of its own once.
 #[test]
 fn bounces_in_a_furnace_are_a_geometric_series() {
     let (e, albedo) = (2.0f32, 0.7f32);
@@ -75,11 +79,25 @@ fn bounces_in_a_furnace_are_a_geometric_series() {
         let transfer = furnace_transfer(Placement::Adaptive, bounces);
         let count = transfer.gather.count();
         let lit = vec![[e, e, e, 0.0]; count];
-        let leaving = exitance(&Device::Cpu, &transfer, &lit, &vec![[albedo, albedo, albedo, 1.0]; count]).unwrap();
-        let expected: f32 = (1..=bounces as i32).map(|n| e * albedo.powi(n)).sum();
-        for (sample, leaving) in leaving.iter().enumerate() {
-            let off = leaving[..3].iter().map(|b| (b - expected).abs()).fold(0.0, f32::max);
-            assert!(off <= 1e-3 * expected, "{bounces} bounces, gather sample {sample}: {leaving:?}, not {expected}");
+        let never = AtomicBool::new(false);
+        let stage = Stage {
+            device: &Device::Cpu,
+            memo: &NoMemo,
+            progress: Progress { node: "", sink: &Silent, cancel: &never },
+            geometry: &Geometry::default(),
+            transfer: &transfer,
+            place: Key::of(&[]),
+        };
+        let reflectance = vec![[albedo, albedo, albedo, 1.0]; count];
+        let brush = SourceBrush { selection: None, scale: 0.5, offset: Vec3::splat(0.25) };
+        for (scale, offset, brushes) in [(1.0, 0.0, &[][..]), (0.5, 0.25, std::slice::from_ref(&brush))] {
+            let leaving = leaving(&stage, || lit.clone(), &reflectance, brushes.iter(), Key::of(&[])).unwrap();
+            let first = e * albedo * scale + offset;
+            let expected: f32 = (0..bounces as i32).map(|n| first * (albedo * scale).powi(n)).sum();
+            for (sample, leaving) in leaving.exitance.iter().enumerate() {
+                let off = leaving[..3].iter().map(|b| (b - expected).abs()).fold(0.0, f32::max);
+                assert!(off <= 1e-3 * expected, "{bounces} bounces, sample {sample}: {leaving:?}, not {expected}");
+            }
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Times a recipe: whole runs of the program, cold and warm, and one relight node by hand with a light on the move.
 
-use super::{head, measure, print};
+use super::{head, measure, print, sliders};
 use crate::device::{Choice, Device};
 use crate::eval::{Context, Evaluator, Memory, Options};
 use crate::graph::{self, Document, Plan};
@@ -8,7 +8,7 @@ use crate::node::{Facet, Inputs, Job, Key};
 use crate::params::NodeType;
 use crate::progress::{Progress, Silent};
 use crate::scene::{Light, LightKind, Scene};
-use crate::value::Value;
+use crate::value::{Kind, Value};
 use crate::{Error, Result};
 use glam::Vec3;
 use serde_json::Value as Json;
@@ -19,10 +19,11 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 pub fn run(path: &Path, device: Device, choice: Choice, runs: u32, registry: &'static [NodeType]) -> Result<()> {
-    let document = graph::load(path)?;
+    let mut document = graph::load(path)?;
     let plan = Plan::new(&document, registry)?;
     whole_runs(path, &document, choice)?;
-    moved_light(&plan, device, runs)
+    moved_light(&plan, device, runs)?;
+    sliders::run(&mut document, Device::open(choice)?, runs, registry)
 }
 
 /// What one run of the program said in its report.
@@ -124,14 +125,14 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
 
     let node = step.node(frame as f64)?;
     let memory = Memory::new(1 << 30);
-    let relight = |lights: Option<Vec<Light>>, turn: u32| -> Result<()> {
+    let relight = |lights: Option<Vec<Light>>, turn: u32, edited: bool| -> Result<()> {
         let inputs = Inputs {
             info: step.node_type.info,
             values: values
                 .iter()
                 .enumerate()
                 .map(|(port, value)| {
-                    let value = value.clone()?;
+                    let value = value.clone().filter(|value| edited || value.kind() != Kind::Edits)?;
                     let mut keys = Facet::ALL.map(|facet| Key::of(&[&[port as u8, facet as u8]]));
                     Some((
                         match (&value, &lights) {
@@ -169,19 +170,33 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
     };
     let mut turn = 0;
     let mut failure = Ok(());
-    let (median, best) = measure(runs, || {
-        turn += 1;
-        let mut moved = lights.clone();
-        shift(&mut moved[0].kind, Vec3::new(0.004, 0.002, -0.003) * turn as f32);
-        if let Err(error) = relight(Some(moved), turn) {
-            failure = Err(error);
-        }
-    });
-    failure?;
     head("in process");
-    let name = format!("{}: relight after \"{}\" has moved", step.name, lights[0].name);
-    print(&format!("{name:<52} {median:>10.1} {best:>10.1}\n"));
-    Ok(())
+    let mut measured = |name: &str, edited: bool, failure: &mut Result<()>| {
+        let (median, best) = measure(runs, || {
+            turn += 1;
+            let mut moved = lights.clone();
+            shift(&mut moved[0].kind, Vec3::new(0.004, 0.002, -0.003) * turn as f32);
+            if let Err(error) = relight(Some(moved), turn, edited) {
+                *failure = Err(error);
+            }
+        });
+        let name = format!("{}: relight after \"{}\" has moved{name}", step.name, lights[0].name);
+        print(&format!("{name:<60} {median:>8.1} {best:>8.1}\n"));
+        median
+    };
+    let edits = values.iter().flatten().find_map(|value| match value {
+        Value::Edits(edits) => Some(edits.0.len()),
+        _ => None,
+    });
+    // With and without edits by turns, because the machine's speed drifts.
+    let with = edits.map(|count| format!(", {count} edits")).unwrap_or_default();
+    let first = measured(&with, true, &mut failure);
+    if edits.is_some() {
+        let without = measured(", no edits", false, &mut failure);
+        let again = measured(&with, true, &mut failure);
+        print(&format!("{:<60} {:>8.2}\n", "ratio", 0.5 * (first + again) / without));
+    }
+    failure
 }
 
 fn shift(kind: &mut LightKind, by: Vec3) {

@@ -2,6 +2,7 @@
 
 mod graph;
 mod kernels;
+mod sliders;
 
 use super::print;
 use crate::Result;

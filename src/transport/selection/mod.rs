@@ -1,18 +1,40 @@
-//! Selections: weights in [0, 1] over surface points, as fields that any sample can be held against.
+//! Selections: weights in [0, 1] over surface points. A selection is a field, not a list of samples: view samples, gather
+//! samples and texels can all be held against it, at any resolution.
+//!
+//! For: what nodes hand to edits. Not for: what is done where it is selected (`edits`).
+
+mod combine;
+mod names;
+mod nearest;
+mod paint;
+mod stroke;
+mod way;
+
+pub use combine::{Combined, Mode};
+pub use names::Names;
+pub use paint::Painted;
+pub use stroke::{Laid, Stroke, StrokeMode};
 
 use crate::scene::{Fingerprint, Geometry, SurfacePoint};
 use crate::{Error, Result};
-use globset::{Glob, GlobSet, GlobSetBuilder};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A hash of content.
 pub type Digest = [u8; 16];
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Selection {
-    /// Surfaces of chosen objects that are made of chosen materials, by number in one geometry.
-    Names { geometry: Fingerprint, objects: Vec<bool>, materials: Vec<bool> },
+    /// Surfaces of chosen objects that are made of chosen materials.
+    Names(Names),
+    /// Brush strokes on surfaces.
+    Painted(Painted),
+    /// Other selections, put together.
+    Combined(Combined),
 }
+
+/// Points that are worked on as one piece.
+const BLOCK: usize = 4096;
 
 impl Selection {
     /// Surfaces whose object matches one of `objects` and whose material matches one of `materials`; an empty list
@@ -20,86 +42,88 @@ impl Selection {
     ///
     /// Errors: a glob that is not well formed, or that matches nothing (the error lists what there is).
     pub fn by_name(geometry: &Geometry, objects: &[String], materials: &[String]) -> Result<Self> {
-        Ok(Self::Names {
-            geometry: geometry.fingerprint,
-            objects: chosen("object", objects, &geometry.objects)?,
-            materials: chosen("material", materials, &geometry.material_names)?,
-        })
+        Ok(Self::Names(Names::new(geometry, objects, materials)?))
+    }
+
+    /// Where the strokes run; see `Painted::new`.
+    pub fn painted(
+        geometry: Arc<Geometry>,
+        strokes: &[Stroke],
+        surroundings: impl FnMut(&[SurfacePoint]) -> Result<Vec<f32>>,
+    ) -> Result<(Self, Laid)> {
+        let (painted, laid) = Painted::new(geometry, strokes, surroundings)?;
+        Ok((Self::Painted(painted), laid))
+    }
+
+    /// What `mode` makes of one or two selections; see `Mode`.
+    ///
+    /// Errors: `b` missing, or given where there is nothing to do for it; selections of two geometries.
+    pub fn combined(mode: Mode, a: &Arc<Self>, b: Option<&Arc<Self>>) -> Result<Arc<Self>> {
+        combine::combined(mode, a, b)
+    }
+
+    /// Of the geometry that it was made for.
+    pub fn geometry(&self) -> &Fingerprint {
+        match self {
+            Self::Names(names) => names.geometry(),
+            Self::Painted(painted) => painted.geometry(),
+            Self::Combined(combined) => combined.geometry(),
+        }
     }
 
     /// # Errors
-    /// `Compute` when the selection names parts of another geometry.
+    /// `Compute` when the selection was made for another geometry.
     pub fn check(&self, fingerprint: &Fingerprint) -> Result<()> {
-        match self {
-            Self::Names { geometry, .. } if geometry == fingerprint => Ok(()),
-            Self::Names { .. } => {
-                let message = "a selection was made in another scene, or in another state of it";
-                Err(Error::compute(message, "connect the same scene to pick and relight"))
-            }
+        if self.geometry() == fingerprint {
+            return Ok(());
         }
+        let message = "a selection was made in another scene, or in another state of it";
+        Err(Error::compute(message, "connect the same scene to pick, paint and relight"))
     }
 
+    /// In [0, 1]; 0 where there is no surface. Many points are faster with `weights`.
     pub fn weight(&self, point: &SurfacePoint) -> f32 {
-        match self {
-            Self::Names { objects, materials, .. } => {
-                let is = |list: &[bool], index: u32| list.get(index as usize).copied().unwrap_or(false);
-                f32::from(u8::from(is(objects, point.object) && is(materials, point.material)))
-            }
-        }
+        let mut weight = [0.0];
+        self.evaluate(std::slice::from_ref(point), &mut weight);
+        weight[0]
     }
 
+    /// Of each point, the same bits as `weight`. Neighbours in the list should be neighbours in space.
     pub fn weights(&self, points: &[SurfacePoint]) -> Vec<f32> {
-        points.par_iter().with_min_len(4096).map(|point| self.weight(point)).collect()
+        let mut weights = vec![0.0; points.len()];
+        let blocks = weights.par_chunks_mut(BLOCK).zip(points.par_chunks(BLOCK));
+        blocks.for_each(|(weights, points)| self.evaluate(points, weights));
+        weights
+    }
+
+    /// One block, on this thread; `weights` come in as 0.
+    fn evaluate(&self, points: &[SurfacePoint], weights: &mut [f32]) {
+        match self {
+            Self::Names(names) => names.evaluate(points, weights),
+            Self::Painted(painted) => painted.evaluate(points, weights),
+            Self::Combined(combined) => combined.evaluate(points, weights),
+        }
     }
 
     /// Names the field: equal digests, equal weights everywhere.
     pub fn digest(&self) -> Digest {
-        let mut hasher = blake3::Hasher::new();
         match self {
-            Self::Names { geometry, objects, materials } => {
-                hasher.update(b"names").update(geometry);
-                for list in [objects, materials] {
-                    hasher.update(&(list.len() as u64).to_le_bytes());
-                    list.iter().for_each(|is| _ = hasher.update(&[u8::from(*is)]));
-                }
-            }
+            Self::Names(names) => names.digest(),
+            Self::Painted(painted) => painted.digest(),
+            Self::Combined(combined) => combined.digest(),
         }
-        hasher.finalize().as_bytes()[..16].try_into().expect("16 of 32 bytes")
     }
 
+    /// Memory held, without the geometry, which the scene counts.
     pub fn bytes(&self) -> u64 {
         match self {
-            Self::Names { objects, materials, .. } => (objects.len() + materials.len()) as u64,
+            Self::Names(names) => names.bytes(),
+            Self::Painted(painted) => painted.bytes(),
+            Self::Combined(combined) => combined.bytes(),
         }
     }
 }
 
-fn chosen(what: &str, globs: &[String], names: &[String]) -> Result<Vec<bool>> {
-    if globs.is_empty() {
-        return Ok(vec![true; names.len()]);
-    }
-    for glob in globs {
-        let set = set(what, std::slice::from_ref(glob))?;
-        if !names.iter().any(|name| set.is_match(name)) {
-            let known = names.iter().map(String::as_str);
-            let help = crate::names::suggest(glob, known);
-            return Err(Error::compute(format!("no {what} of the scene is called \"{glob}\""), help));
-        }
-    }
-    let set = set(what, globs)?;
-    Ok(names.iter().map(|name| set.is_match(name)).collect())
-}
-
-fn set(what: &str, globs: &[String]) -> Result<GlobSet> {
-    let mut builder = GlobSetBuilder::new();
-    for glob in globs {
-        let glob = Glob::new(glob).map_err(|e| {
-            Error::compute(
-                format!("{what} pattern \"{glob}\": {}", e.kind()),
-                "use * and ? as wildcards, [..] for sets",
-            )
-        })?;
-        builder.add(glob);
-    }
-    builder.build().map_err(|e| Error::compute(format!("{what} patterns: {e}"), "use fewer or shorter patterns"))
+fn finish(hasher: &blake3::Hasher) -> Digest {
+    hasher.finalize().as_bytes()[..16].try_into().expect("16 of 32 bytes")
 }

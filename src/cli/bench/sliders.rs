@@ -1,0 +1,60 @@
+//! Times sliders of edits: from a changed parameter to the finished picture of the relight node, in one process.
+
+use super::{measure, print};
+use crate::Result;
+use crate::device::Device;
+use crate::eval::{Context, Evaluator, Options};
+use crate::graph::{Document, Plan};
+use crate::params::NodeType;
+use crate::progress::Silent;
+use serde_json::{Value as Json, json};
+use std::sync::atomic::AtomicBool;
+
+/// The parameter of each kind of edit that is slid, and how far a step is.
+const SLIDERS: &[(&str, &str, f64)] = &[
+    ("caster_receiver", "brightness", 0.01),
+    ("source_brush", "scale", 0.01),
+    ("illumination_brush", "scale", 0.01),
+    ("falloff", "exponent", 0.005),
+    ("indirect_shadow", "amount", -0.005),
+    ("directionality", "amount", 0.005),
+];
+
+/// Every node of the recipe that has such a parameter, one after the other.
+pub fn run(document: &mut Document, device: Device, runs: u32, registry: &'static [NodeType]) -> Result<()> {
+    let plan = Plan::new(document, registry)?;
+    let Some(step) = plan.steps.iter().find(|step| step.node_type.info.name == "relight") else { return Ok(()) };
+    let target = step.name.clone();
+    let evaluator = Evaluator::new(Options::new(device));
+    let never = AtomicBool::new(false);
+    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let render = |document: &Document| -> Result<()> {
+        let plan = Plan::new(document, registry)?;
+        let target = plan.find(&target).expect("it was there");
+        evaluator.evaluate(&plan, &[target], plan.frames[0], &context, &mut Vec::new()).map(drop)
+    };
+    let slid: Vec<(String, &str, f64, f64)> = document
+        .nodes
+        .iter()
+        .filter_map(|(name, entry)| {
+            let (_, param, step) = SLIDERS.iter().find(|(kind, ..)| *kind == entry.kind)?;
+            Some((name.clone(), *param, entry.params.get(*param)?.as_f64()?, *step))
+        })
+        .collect();
+    for (name, param, start, step) in slid {
+        let mut turn = 0;
+        let mut failure = Ok(());
+        let set = |document: &mut Document, value: Json| document.set(&format!("{name}.{param}={value}"));
+        let (median, best) = measure(runs, || {
+            turn += 1;
+            let moved = set(document, json!(start + step * f64::from(turn))).and_then(|()| render(document));
+            if let Err(error) = moved {
+                failure = Err(error);
+            }
+        });
+        failure?;
+        set(document, json!(start))?;
+        print(&format!("{:<60} {median:>8.1} {best:>8.1}\n", format!("{target}: {name}.{param} slid")));
+    }
+    Ok(())
+}
