@@ -9,6 +9,7 @@ pub mod grade;
 pub mod illumination_brush;
 pub mod indirect_shadow;
 pub mod light;
+pub mod material;
 pub mod merge;
 pub mod paint;
 pub mod pick;
@@ -27,6 +28,7 @@ use crate::params::NodeType;
 pub const ALL: &[NodeType] = &[
     NodeType::of::<scene::Scene>(),
     NodeType::of::<light::Light>(),
+    NodeType::of::<material::Material>(),
     NodeType::of::<camera::Camera>(),
     NodeType::of::<view_samples::ViewSamples>(),
     NodeType::of::<transfer::Transfer>(),

@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::node::{Facet, Info, Inputs, Job, Node, Port};
 use crate::transport::Basis;
+use crate::transport::glossy::Gloss;
 use crate::transport::precompute::{Estimator, Placement, Quality, Settings, precompute};
 use crate::value::{Kind, Value};
 use schemars::JsonSchema;
@@ -32,6 +33,9 @@ pub struct Transfer {
     pub coefficients: u32,
     /// `adaptive` computes rows where the picture needs them and interpolates the light between; `every` one a sample.
     pub rows: Placement,
+    /// Highlights of indirect light on surfaces that are not matte: `ggx` as direct light has them, `blinn` (thesis) for
+    /// comparison, `none` for diffuse light alone. Relight computes what they need when it meets such a surface.
+    pub glossy: Gloss,
 }
 
 impl Default for Transfer {
@@ -44,6 +48,7 @@ impl Default for Transfer {
             basis: Basis::Cut,
             coefficients: 100,
             rows: Placement::Adaptive,
+            glossy: Gloss::Ggx,
         }
     }
 }
@@ -75,6 +80,7 @@ impl Node for Transfer {
             basis: self.basis,
             coefficients: self.coefficients as usize,
             estimator: self.estimator,
+            glossy: self.glossy,
             quality: Quality::of(self.tolerance, self.rows),
         };
         let (transfer, cost) = precompute(job.device, &geometry, samples, &settings, job.progress)?;

@@ -1,10 +1,14 @@
 //! What must hold for any picture: of edits, of lights, of keys and caches (here), of transfers (`properties/transfer`)
 //! and of small functions on any input (`properties/numbers`).
 
+#[path = "properties/glossy.rs"]
+mod glossy;
 #[path = "properties/hidden.rs"]
 mod hidden;
 #[path = "properties/lights.rs"]
 mod lights;
+#[path = "properties/materials.rs"]
+mod materials;
 #[path = "properties/numbers.rs"]
 mod numbers;
 #[path = "support/room.rs"]
@@ -44,6 +48,7 @@ fn a_node_that_changes_nothing_is_its_input() {
         ("grade", json!({})),
         ("illumination_brush", json!({})),
         ("indirect_shadow", json!({ "amount": 0.0 })),
+        ("material", json!({ "materials": ["red"] })),
         ("merge", json!({ "amount": 0.0 })),
         ("source_brush", json!({})),
         ("tone_map", json!({ "operator": "none" })),
@@ -76,6 +81,7 @@ fn a_node_that_changes_nothing_is_its_input() {
         let same = match (&value, &before) {
             (Value::Image(a), Value::Image(b)) => std::sync::Arc::ptr_eq(a, b),
             (Value::Edits(a), Value::Edits(b)) => std::sync::Arc::ptr_eq(a, b),
+            (Value::Scene(a), Value::Scene(b)) => std::sync::Arc::ptr_eq(a, b),
             _ => panic!("{name} passes what this test does not compare"),
         };
         assert!(same, "{name} gives another value");

@@ -7,6 +7,7 @@
 use chiaro::device::{Array, Choice, Device};
 use chiaro::kernels::colour_edits::{ColourEdit, Knot};
 use chiaro::kernels::direct_light::{View, direct_light};
+use chiaro::kernels::glossy_rows::{Lobe, glossy_rows};
 use chiaro::kernels::hidden_rows::{Walk, hidden_rows};
 use chiaro::kernels::primary_visibility::primary_visibility;
 use chiaro::kernels::tone_map::Operator;
@@ -39,6 +40,7 @@ const TESTS: &[(&str, Test)] = &[
     ("colour_edits", edits),
     ("direct_light", lights),
     ("entry_ways", entry_ways_of_rows),
+    ("glossy_rows", gloss),
     ("haar_encode", haar),
     ("hidden_rows", behind),
     ("interpolate", interpolation),
@@ -572,6 +574,41 @@ fn behind(devices: &Devices) -> Outcome {
             let equal = gpu.dropped.iter().zip(&cpu.dropped).filter(|(a, b)| a == b).count();
             if gpu.dropped.len() != cpu.dropped.len() || (equal as f32) < 0.95 * cpu.dropped.len() as f32 {
                 return Err(format!("{rays} rays: {equal} of {} counts agree", cpu.dropped.len()));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn gloss(devices: &Devices) -> Outcome {
+    let scene = room();
+    let points = seen(&scene, 29, 23);
+    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
+        .map_err(|error| error.to_string())?;
+    let seeds: Array<u32> = (0..points.len() as u32).map(sampling::hash).collect::<Vec<_>>().into();
+    let lobes = [(0.1, 64, 0.25), (0.3, 100, 0.0), (1.0, 257, 4.0), (0.6, 1, 0.25)];
+    for ((alpha, rays, credit), blinn) in lobes.into_iter().flat_map(|lobe| [(lobe, false), (lobe, true)]) {
+        let lobe = Lobe { eye: scene.cameras[0].position, alpha, blinn, rays, credit };
+        let run = |device| {
+            glossy_rows(device, &scene.geometry, &gather, &points, &seeds, &lobe).map_err(|error| error.to_string())
+        };
+        let cpu = run(&Device::Cpu)?;
+        if cpu.shares.iter().all(|share| share.node == 0 || share.weight == 0.0 || share.fresnel == 0.0) {
+            return Err("no ray was credited, so nothing was compared".to_owned());
+        }
+        for device in [&devices.gpu, &devices.paged] {
+            let gpu = run(device)?;
+            let named = |what: String| format!("{lobe:?}: {what}");
+            nearly_all("nodes", &gpu.shares, &cpu.shares, |a, b| a.node == b.node).map_err(named)?;
+            nearly_all("weights", &gpu.shares, &cpu.shares, |a, b| {
+                a.node == 0 || b.node == 0 || close(&[a.weight, a.fresnel], &[b.weight, b.fresnel])
+            })
+            .map_err(named)?;
+            // A row's least distance comes from one ray of many, so a few rows may differ.
+            let share = gpu.distances.iter().zip(&cpu.distances).filter(|(a, b)| close(&a[..], &b[..])).count() as f32
+                / cpu.distances.len() as f32;
+            if gpu.distances.len() != cpu.distances.len() || share < 0.98 {
+                return Err(named(format!("{share} of the distances agree")));
             }
         }
     }

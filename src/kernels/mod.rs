@@ -9,6 +9,7 @@ pub mod average_pyramid;
 pub mod colour_edits;
 pub mod direct_light;
 pub mod entry_ways;
+pub mod glossy_rows;
 pub mod haar_encode;
 pub mod hidden_rows;
 pub mod interpolate;
@@ -55,6 +56,7 @@ pub const ALL: &[&Kernel] = &[
     &colour_edits::KERNEL,
     &direct_light::KERNEL,
     &entry_ways::KERNEL,
+    &glossy_rows::KERNEL,
     &haar_encode::KERNEL,
     &hidden_rows::KERNEL,
     &interpolate::KERNEL,

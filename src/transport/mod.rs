@@ -5,6 +5,7 @@ pub mod cluster;
 pub mod compress;
 pub mod edits;
 pub mod gather;
+pub mod glossy;
 pub mod hidden;
 pub mod lighting;
 mod pack;

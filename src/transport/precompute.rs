@@ -9,6 +9,7 @@ use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::Samples;
 use crate::transport::compress::{count_nodes, leaves, merge_siblings};
 use crate::transport::gather::Gather;
+use crate::transport::glossy::Gloss;
 use crate::transport::pack::RowPacker;
 use crate::transport::rows::{self, Spacing};
 use crate::transport::sampling;
@@ -77,6 +78,8 @@ pub struct Settings {
     /// Haar coefficients kept a row.
     pub coefficients: usize,
     pub estimator: Estimator,
+    /// Of glossy rows, which are computed when they are needed (`transport::glossy`).
+    pub glossy: Gloss,
     pub quality: Quality,
 }
 

@@ -12,6 +12,7 @@ use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Camera, Geometry, SurfacePoint};
 use chiaro::stored::{SectionWriter, Stored};
 use chiaro::transport::gather::Gather;
+use chiaro::transport::glossy::Gloss;
 use chiaro::transport::hidden::{Hidden, LAYERS, hidden_rows};
 use chiaro::transport::precompute::{Estimator, Placement, Quality, Settings, precompute};
 use chiaro::transport::{Basis, Samples, SparseRows, Transfer, sampling};
@@ -52,6 +53,7 @@ fn transfer(geometry: &Geometry, basis: Basis) -> Transfer {
         basis,
         coefficients: 2048,
         estimator: Estimator::Rays,
+        glossy: Gloss::None,
         quality: Quality::of(0.1, Placement::Every),
     };
     precompute(&Device::Cpu, geometry, &Arc::new(samples), &settings, Progress::silent()).unwrap().0

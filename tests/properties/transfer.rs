@@ -7,6 +7,7 @@ use chiaro::progress::{Progress, Silent};
 use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Camera, Geometry};
 use chiaro::transport::edits::SourceBrush;
+use chiaro::transport::glossy::Gloss;
 use chiaro::transport::lighting::{Stage, leaving};
 use chiaro::transport::precompute::{Estimator, Placement, Quality, Settings, precompute};
 use chiaro::transport::{Basis, Samples, Transfer};
@@ -48,6 +49,7 @@ fn furnace_transfer(placement: Placement, bounces: u32) -> Transfer {
         basis: Basis::Cut,
         coefficients: 100,
         estimator: Estimator::Rays,
+        glossy: Gloss::None,
         quality: Quality::of(0.1, placement),
     };
     precompute(&Device::Cpu, &geometry, &Arc::new(samples), &settings, Progress::silent()).unwrap().0
