@@ -11,6 +11,7 @@ pub mod direct_light;
 pub mod haar_encode;
 pub mod interpolate;
 pub mod primary_visibility;
+pub mod scaled_product;
 pub mod sparse_product;
 pub mod tone_map;
 pub mod transfer_points;
@@ -20,6 +21,7 @@ pub use average_pyramid::average_pyramid;
 pub use colour_edits::colour_edits;
 pub use haar_encode::{haar_decode, haar_encode};
 pub use interpolate::interpolate;
+pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
 pub use tone_map::tone_map;
 
@@ -43,6 +45,7 @@ pub const ALL: &[&Kernel] = &[
     &haar_encode::KERNEL,
     &interpolate::KERNEL,
     &primary_visibility::KERNEL,
+    &scaled_product::KERNEL,
     &sparse_product::KERNEL,
     &tone_map::KERNEL,
     &transfer_points::KERNEL,
