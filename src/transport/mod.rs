@@ -8,6 +8,7 @@ pub mod gather;
 pub mod lighting;
 pub mod precompute;
 pub mod rows;
+pub mod sampled;
 pub mod samples;
 pub mod sampling;
 pub mod selection;
@@ -18,6 +19,7 @@ pub mod tone_curve;
 pub mod transfer;
 
 pub use edits::{Edit, Edits};
+pub use sampled::Sampled;
 pub use samples::Samples;
 pub use selection::Selection;
 pub use sparse::SparseRows;

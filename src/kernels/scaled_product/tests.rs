@@ -73,7 +73,8 @@ fn equals_the_sum_over_unpacked_pairs_and_decoded_rows() {
                 let mut expected = [0.0f64; 4];
                 let mut size = 0.0;
                 for (node, weight) in transfer.row(row as usize) {
-                    let term = |c: usize| f64::from(weight * decoded[scale as usize][node.max(1)][c] * pyramid[node][c]);
+                    let term =
+                        |c: usize| f64::from(weight * decoded[scale as usize][node.max(1)][c] * pyramid[node][c]);
                     (0..4).for_each(|c| expected[c] += term(c));
                     size += term(0).abs().max(term(1).abs()).max(term(2).abs()).max(term(3).abs());
                 }

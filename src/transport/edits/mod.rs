@@ -20,7 +20,7 @@ pub use transit::{Block, Change, Colour, Transit};
 
 use crate::Result;
 use crate::scene::Fingerprint;
-use crate::transport::Selection;
+use crate::transport::{Sampled, Selection};
 use std::sync::Arc;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,6 +31,7 @@ pub enum Edit {
     Source(SourceBrush),
     Transit(Transit),
     Eye(IlluminationBrush),
+    Sampled(Arc<Sampled>),
 }
 
 impl Edit {
@@ -40,6 +41,7 @@ impl Edit {
             Self::Source(brush) => [&brush.selection, &None],
             Self::Transit(transit) => [&transit.block.caster, &transit.block.receiver],
             Self::Eye(brush) => [&brush.selection, &None],
+            Self::Sampled(_) => [&None, &None],
         };
         a.iter().chain(b)
     }
@@ -50,6 +52,7 @@ impl Edit {
             Self::Source(brush) => brush.changes_nothing(),
             Self::Transit(transit) => transit.change.changes_nothing(),
             Self::Eye(brush) => brush.changes_nothing(),
+            Self::Sampled(sampled) => sampled.changes_nothing(),
         }
     }
 }
@@ -73,6 +76,10 @@ impl Edits {
         self.0.iter().filter_map(|edit| if let Edit::Eye(brush) = edit { Some(brush) } else { None })
     }
 
+    pub fn sampled(&self) -> impl Iterator<Item = &Arc<Sampled>> {
+        self.0.iter().filter_map(|edit| if let Edit::Sampled(sampled) = edit { Some(sampled) } else { None })
+    }
+
     /// # Errors
     /// `Compute` when a selection names parts of another geometry.
     pub fn check(&self, geometry: &Fingerprint) -> Result<()> {
@@ -81,6 +88,6 @@ impl Edits {
 
     pub fn bytes(&self) -> u64 {
         let each = |edit: &Edit| 128 + edit.selections().map(|selection| selection.bytes()).sum::<u64>();
-        self.0.iter().map(each).sum()
+        self.0.iter().map(each).sum::<u64>() + self.sampled().map(|sampled| sampled.bytes()).sum::<u64>()
     }
 }
