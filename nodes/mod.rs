@@ -7,12 +7,14 @@ pub mod grade;
 pub mod light;
 pub mod merge;
 pub mod pick;
+pub mod read_edits;
 pub mod read_image;
 pub mod relight;
 pub mod scene;
 pub mod tone_map;
 pub mod transfer;
 pub mod view_samples;
+pub mod write_edits;
 pub mod write_image;
 
 use crate::params::NodeType;
@@ -25,6 +27,8 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<transfer::Transfer>(),
     NodeType::of::<pick::Pick>(),
     NodeType::of::<caster_receiver::CasterReceiver>(),
+    NodeType::of::<read_edits::ReadEdits>(),
+    NodeType::of::<write_edits::WriteEdits>(),
     NodeType::of::<relight::Relight>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),

@@ -31,12 +31,16 @@
 //! For: holding and checking. Not for: how edits become scale and offset (`scale_offset`).
 
 pub mod apply;
+pub mod file;
 pub mod fit;
 pub mod origin;
 pub mod patches;
+mod read;
 pub mod row;
 
+pub use file::write;
 pub use origin::Origin;
+pub use read::read;
 
 use crate::device::Array;
 use crate::transport::SparseRows;
