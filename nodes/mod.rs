@@ -3,7 +3,11 @@
 pub mod camera;
 pub mod caster_receiver;
 pub mod compare;
+pub mod directionality;
+pub mod falloff;
 pub mod grade;
+pub mod illumination_brush;
+pub mod indirect_shadow;
 pub mod light;
 pub mod merge;
 pub mod pick;
@@ -11,6 +15,7 @@ pub mod read_edits;
 pub mod read_image;
 pub mod relight;
 pub mod scene;
+pub mod source_brush;
 pub mod tone_map;
 pub mod transfer;
 pub mod view_samples;
@@ -27,6 +32,11 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<transfer::Transfer>(),
     NodeType::of::<pick::Pick>(),
     NodeType::of::<caster_receiver::CasterReceiver>(),
+    NodeType::of::<source_brush::SourceBrush>(),
+    NodeType::of::<illumination_brush::IlluminationBrush>(),
+    NodeType::of::<falloff::Falloff>(),
+    NodeType::of::<indirect_shadow::IndirectShadow>(),
+    NodeType::of::<directionality::Directionality>(),
     NodeType::of::<read_edits::ReadEdits>(),
     NodeType::of::<write_edits::WriteEdits>(),
     NodeType::of::<relight::Relight>(),

@@ -9,7 +9,7 @@ use crate::kernels::direct_light::{Lit, View, direct_light};
 use crate::node::{Facet, Info, Inputs, Job, Key, Node, Port};
 use crate::scene::light::{Source, surfaces};
 use crate::scene::{Geometry, Light, Material, SurfacePoint};
-use crate::transport::lighting::{Prepared, Shading, exitance, sum, surface_layers};
+use crate::transport::lighting::{self, Between, Lane, Shading, indirect_radiance, leaving, sum, surface_layers};
 use crate::transport::samples::reflectance;
 use crate::transport::{Edits, Transfer};
 use crate::value::{Kind, Value};
@@ -101,7 +101,6 @@ impl Stage<'_> {
     fn image(&self, lights: &[Light], edits: &Edits) -> Result<Image> {
         let samples = &self.transfer.samples;
         let gather = &self.transfer.gather;
-        let device = self.job.device;
         let sources: Vec<Source> =
             lights.iter().map(Light::source).chain(surfaces(self.geometry, self.materials)).collect();
         if sources.is_empty() {
@@ -129,33 +128,23 @@ impl Stage<'_> {
         let direct = total(samples.points.len(), &at_view, |lit| &lit.irradiance);
         let highlight = if glossy { total(samples.points.len(), &at_view, |lit| &lit.highlight) } else { vec![] };
 
-        let prepared = Prepared::new(edits, self.transfer)?;
-        if let Some(empty) = prepared.empty_casters() {
+        let stage = self.stage();
+        let between = Between::new(&stage, edits)?;
+        if between.empty_casters() > 0 {
+            let empty = between.empty_casters();
             tracing::warn!(
                 "{empty} casters hold no gather sample, so their edits change nothing: raise gather_samples"
             );
             self.job.note("casters_without_gather_samples", empty);
         }
-        // Per atom: light at view samples and at rows, and a pyramid over the gather samples.
-        let atoms = prepared.atoms.shares.len() as u64 + 1;
-        let each = 2 * samples.points.len() + self.transfer.rows.rows() + 3 * gather.count();
-        let what = format!("{atoms} parts of the light");
-        memory::require(VEC4 * atoms * each as u64, &what, "use fewer different casters, or fewer pixels")?;
-        let shares: Vec<&[u8]> = prepared.atoms.shares.iter().map(|shares| bytemuck::cast_slice(shares)).collect();
-        let key = Key::of(&[&self.place.0, &self.stuff.0, &Key::of(&shares).0, bytemuck::cast_slice(&light_keys)]);
-        let arriving = self.job.memo(
-            key,
-            |e: &Vec<[f32; 4]>| VEC4 * e.len() as u64,
-            || {
-                let received = total(gather.count(), &at_gather, |lit| &lit.irradiance);
-                let leaving = exitance(device, self.transfer, &received, &gather_reflectance)?;
-                prepared.irradiance(device, self.transfer, &leaving)
-            },
-        )?;
-        let indirect = prepared.edited(device, samples, &arriving)?;
+        let leaving_key = Key::of(&[&self.place.0, &self.stuff.0, bytemuck::cast_slice(&light_keys)]);
+        let received = || total(gather.count(), &at_gather, |lit| &lit.irradiance);
+        let leaving = leaving(&stage, received, &gather_reflectance, edits.source(), leaving_key)?;
+        let diffuse = between.arriving(&Lane::diffuse(&stage), &leaving, None)?;
+        let indirect = indirect_radiance(&stage, &view_reflectance, &diffuse.light, &[], edits.eye())?;
         self.job.note("lights", sources.len());
         self.job.note("edits", edits.0.len());
-        self.job.note("atoms", prepared.atoms.shares.len());
+        self.job.note("parts_of_light", between.parts());
 
         let emission = |i: usize| match samples.points[i] {
             point if point.exists() => Vec3::from(self.materials[point.material as usize].emission),
@@ -175,6 +164,11 @@ impl Stage<'_> {
         let layers = shading.layers().into_iter().chain(fixed.iter().cloned()).collect();
         let (width, height) = (samples.width, samples.height);
         Ok(Image { width, height, layers, metadata: vec![] })
+    }
+
+    fn stage(&self) -> lighting::Stage<'_> {
+        let Job { device, memo, progress, .. } = *self.job;
+        lighting::Stage { device, memo, progress, geometry: self.geometry, transfer: self.transfer, place: self.place }
     }
 
     fn reflectance(&self, what: &[u8], points: &[SurfacePoint], at: &[[f32; 2]]) -> Result<Arc<Vec<[f32; 4]>>> {

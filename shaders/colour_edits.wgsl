@@ -12,8 +12,12 @@ struct Edit {
     matrix: mat3x3<f32>,
     first_knot: u32,
     knots: u32,         // 0: no curve
-    receiver: u32,      // row of `receivers`, or EVERYWHERE
-    pad: u32,
+    receiver: u32,      // row of `given` with the weights, or NONE
+    gain: u32,          // row of `given` with the gains, or NONE
+    told: u32,          // row of `gains` to write, or NONE
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 struct Knot {
@@ -27,13 +31,14 @@ struct Knot {
 @group(0) @binding(1) var<storage, read> edits: array<Edit>;
 @group(0) @binding(2) var<storage, read> masks: array<u32>;
 @group(0) @binding(3) var<storage, read> knots: array<Knot>;
-@group(0) @binding(4) var<storage, read> receivers: array<f32>;
+@group(0) @binding(4) var<storage, read> given: array<f32>;
 @group(0) @binding(5) var<storage, read_write> atoms: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> totals: array<vec4<f32>>;
+@group(0) @binding(7) var<storage, read_write> gains: array<f32>;
 
 const DARK: f32 = 1e-20;
 const LUMINANCE: vec3<f32> = vec3(0.2126, 0.7152, 0.0722);
-const EVERYWHERE: u32 = 0xffffffffu;
+const NONE: u32 = 0xffffffffu;
 
 @compute @workgroup_size(64)
 fn colour_edits(
@@ -46,7 +51,10 @@ fn colour_edits(
         return;
     }
     for (var e = 0u; e < params.edits; e++) {
-        apply(e, n);
+        let gain = apply(e, n);
+        if edits[e].told != NONE {
+            gains[edits[e].told * params.samples + n] = gain;
+        }
     }
     var sum = vec3(0.0);
     for (var a = 0u; a < params.atoms; a++) {
@@ -55,17 +63,19 @@ fn colour_edits(
     totals[n] = vec4(sum, 0.0);
 }
 
-fn apply(e: u32, n: u32) {
+fn apply(e: u32, n: u32) -> f32 {
     let edit = edits[e];
     var weight = 1.0;
-    if edit.receiver != EVERYWHERE {
-        weight = receivers[edit.receiver * params.samples + n];
+    if edit.receiver != NONE {
+        weight = given[edit.receiver * params.samples + n];
     }
     if weight == 0.0 {
-        return;
+        return 1.0;
     }
     var gain = 1.0;
-    if edit.knots != 0u {
+    if edit.gain != NONE {
+        gain = given[edit.gain * params.samples + n];
+    } else if edit.knots != 0u {
         var sum = vec3(0.0);
         for (var a = 0u; a < params.atoms; a++) {
             if in_mask(e, a) {
@@ -84,6 +94,7 @@ fn apply(e: u32, n: u32) {
             atoms[a * params.samples + n] = vec4(light + (edited - light) * weight, 0.0);
         }
     }
+    return gain;
 }
 
 fn in_mask(e: u32, atom: u32) -> bool {

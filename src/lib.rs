@@ -27,6 +27,7 @@ pub mod eval;
 pub mod graph;
 pub mod image;
 pub mod kernels;
+pub mod memo;
 pub mod memory;
 pub mod names;
 pub mod node;

@@ -4,41 +4,15 @@
 //! and schemars attributes), and `Node` says the ports and does the work. Help, JSON schema, the README's table and
 //! the editor's inspector are made from it. Not for: caching, keys, threads, files on disk caches (see `eval`).
 
+pub use crate::memo::{Key, Memo, NoMemo};
+
 use crate::device::Device;
 use crate::progress::Progress;
+use crate::stored::Stored;
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
-use std::any::Any;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
-
-/// 128 bits that name a value: a hash of all that it was computed from.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Key(pub [u8; 16]);
-
-impl Key {
-    /// Hashes labelled parts; lengths are hashed too, so parts cannot run into each other.
-    pub fn of(parts: &[&[u8]]) -> Self {
-        let mut hasher = blake3::Hasher::new();
-        for part in parts {
-            hasher.update(&(part.len() as u64).to_le_bytes());
-            hasher.update(part);
-        }
-        Self(hasher.finalize().as_bytes()[..16].try_into().expect("16 of 32 bytes"))
-    }
-}
-
-impl std::fmt::Display for Key {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
-    }
-}
-
-impl std::fmt::Debug for Key {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Key({self})")
-    }
-}
 
 /// The parts of a value that change for different reasons, so that moving a lamp does not cost a new transfer.
 /// Scenes have all four; samples have `Geometry` (where they lie) and `Materials` (their reflectance). Every other
@@ -250,26 +224,11 @@ impl Inputs<'_> {
     }
 }
 
-/// Intermediate results that outlive one run of a node, kept in the memory cache under a key of the node's making.
-pub trait Memo: Send + Sync {
-    fn get(&self, key: Key) -> Option<Arc<dyn Any + Send + Sync>>;
-    fn put(&self, key: Key, value: Arc<dyn Any + Send + Sync>, bytes: u64);
-}
-
-/// A memo that remembers nothing.
-pub struct NoMemo;
-
-impl Memo for NoMemo {
-    fn get(&self, _: Key) -> Option<Arc<dyn Any + Send + Sync>> {
-        None
-    }
-    fn put(&self, _: Key, _: Arc<dyn Any + Send + Sync>, _: u64) {}
-}
-
 /// What a node runs with, beside its inputs.
 pub struct Job<'a> {
     pub device: &'a Device,
     pub progress: Progress<'a>,
+    /// For intermediate results.
     pub memo: &'a dyn Memo,
     /// Changes only for nodes that declare `uses_frame`; 0 for all others.
     pub frame: f64,
@@ -307,12 +266,17 @@ impl Job<'_> {
         bytes: impl Fn(&T) -> u64,
         compute: impl FnOnce() -> Result<T>,
     ) -> Result<Arc<T>> {
-        if let Some(found) = self.memo.get(key).and_then(|any| any.downcast::<T>().ok()) {
-            return Ok(found);
-        }
-        let value = Arc::new(compute()?);
-        self.memo.put(key, value.clone(), bytes(&value));
-        Ok(value)
+        self.memo.remember(key, bytes, compute)
+    }
+
+    /// As `memo`, for what is dear to compute: looks into the disk cache too, and leaves the result there.
+    pub fn keep<T: Stored + Send + Sync + 'static>(
+        &self,
+        key: Key,
+        bytes: impl Fn(&T) -> u64,
+        compute: impl FnOnce() -> Result<T>,
+    ) -> Result<Arc<T>> {
+        self.memo.keep(key, bytes, compute)
     }
 }
 

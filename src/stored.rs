@@ -16,6 +16,18 @@ pub trait Stored {
         Self: Sized;
 }
 
+/// Something that there may be none of.
+impl<T: Stored> Stored for Option<T> {
+    fn write<'a>(&'a self, sections: &mut SectionWriter<'a>) {
+        sections.value(&self.is_some());
+        self.iter().for_each(|value| value.write(sections));
+    }
+
+    fn read(sections: &mut SectionReader) -> Option<Self> {
+        if sections.value()? { Some(Some(T::read(sections)?)) } else { Some(None) }
+    }
+}
+
 /// Collects sections; slices are borrowed until the file is written.
 #[derive(Default)]
 pub struct SectionWriter<'a> {

@@ -36,6 +36,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("scene", &["device"]),
     ("image", &["device"]),
     ("device", &[]),
+    ("memo", &["stored"]),
     ("stored", &[]),
     ("progress", &[]),
     ("atomic", &[]),
@@ -46,9 +47,9 @@ const MAY_USE: &[(&str, &[&str])] = &[
 /// The files of `transport/` that only say what a transfer is made of: gather samples, rows, low-discrepancy points.
 /// Kernels read them; all other files of that folder call kernels.
 const MATRIX: &str = "transport matrix";
-const MATRIX_FILES: &[&str] = &["cluster", "gather", "sampling", "sparse"];
+const MATRIX_FILES: &[&str] = &["cluster", "gather", "sampling", "sparse", "ways"];
 
-const EVERYONE: &[&str] = &["Error", "Result", "error", "progress", "stored", "atomic", "memory", "names"];
+const EVERYONE: &[&str] = &["Error", "Result", "error", "progress", "stored", "atomic", "memo", "memory", "names"];
 
 fn rust_files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();

@@ -287,6 +287,56 @@ fn the_checked_mode_notices_a_wrong_entry() {
     assert!(error.to_string().contains("not what is computed"), "{error}");
 }
 
+/// Whether the one `keeper` of a plan had to compute; and its value.
+fn keeper(evaluator: &Evaluator, params: Json) -> (bool, f32) {
+    let plan = plan(json!({ "keeper": { "type": "keeper", "params": params } }));
+    let mut report: Vec<NodeReport> = Vec::new();
+    let found = evaluator.evaluate(&plan, &[0], 1, &CONTEXT, &mut report).unwrap_or_else(|e| panic!("{e}"));
+    (report[0].notes.contains_key("computed"), values(&found[0][0])[0])
+}
+
+#[test]
+fn what_a_node_keeps_outlives_the_evaluator() {
+    let folder = tempfile::tempdir().unwrap();
+    let (first, named) = (on_disk(folder.path()), |label: &str| json!({ "value": 2, "label": label }));
+    assert_eq!(keeper(&first, named("a")), (true, 2.0));
+    assert_eq!(keeper(&first, named("b")), (false, 2.0), "from memory");
+    assert_eq!(keeper(&on_disk(folder.path()), named("c")), (false, 2.0), "from disk");
+    assert_eq!(keeper(&on_disk(folder.path()), json!({ "value": 3 })), (true, 3.0), "another key");
+    assert_eq!(keeper(&evaluator(), named("d")), (true, 2.0), "no disk");
+}
+
+#[test]
+fn what_a_node_keeps_is_computed_again_when_it_is_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    keeper(&on_disk(folder.path()), json!({}));
+    let entries: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let [entry] = &entries[..] else { panic!("{entries:?}") };
+    let good = std::fs::read(entry).unwrap();
+    let (mut flipped, cut) = (good.clone(), good[..good.len() / 2].to_vec());
+    flipped[good.len() - 100] ^= 1;
+    for bytes in [flipped, cut] {
+        std::fs::write(entry, &bytes).unwrap();
+        assert_eq!(keeper(&on_disk(folder.path()), json!({})), (true, 1.0));
+        assert!(std::fs::read(entry).unwrap() == good, "replaced");
+        assert_eq!(keeper(&on_disk(folder.path()), json!({})), (false, 1.0));
+    }
+}
+
+#[test]
+fn the_checked_mode_compares_what_nodes_keep() {
+    let folder = tempfile::tempdir().unwrap();
+    keeper(&on_disk(folder.path()), json!({}));
+    let checked = || {
+        let disk = Some(Disk::open(folder.path(), 1 << 20).unwrap());
+        Evaluator::new(Options { disk, verify: true, ..Options::new(Device::Cpu) })
+    };
+    assert_eq!(keeper(&checked(), json!({})), (true, 1.0));
+    let plan = plan(json!({ "keeper": { "type": "keeper", "params": { "forgetful": true } } }));
+    let error = checked().evaluate(&plan, &[0], 1, &CONTEXT, &mut Vec::new()).unwrap_err();
+    assert!(error.to_string().contains("something else than is computed now"), "{error}");
+}
+
 #[test]
 fn writers_always_write_and_failures_name_their_node() {
     let folder = tempfile::tempdir().unwrap();

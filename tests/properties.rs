@@ -1,6 +1,8 @@
 //! What must hold for any picture: of edits, of lights, of keys and caches (here), of transfers (`properties/transfer`)
 //! and of small functions on any input (`properties/numbers`).
 
+#[path = "properties/hidden.rs"]
+mod hidden;
 #[path = "properties/lights.rs"]
 mod lights;
 #[path = "properties/numbers.rs"]

@@ -7,15 +7,19 @@
 use chiaro::device::{Array, Choice, Device};
 use chiaro::kernels::colour_edits::{ColourEdit, Knot};
 use chiaro::kernels::direct_light::{View, direct_light};
+use chiaro::kernels::hidden_rows::{Walk, hidden_rows};
 use chiaro::kernels::primary_visibility::primary_visibility;
 use chiaro::kernels::tone_map::Operator;
 use chiaro::kernels::transfer_points::transfer_points;
 use chiaro::kernels::transfer_rows::transfer_rows;
-use chiaro::kernels::{self, average_pyramid, colour_edits, haar_encode, interpolate};
-use chiaro::kernels::{scaled_product, sparse_product, tone_map};
+use chiaro::kernels::{
+    self, average_pyramid, colour_edits, entry_ways, haar_encode, interpolate, path_product, scaled_product,
+    sparse_product, tone_map,
+};
 use chiaro::scene::{Camera, Light, LightKind, Scene, SurfacePoint, builtin, light};
 use chiaro::transport::gather::Gather;
 use chiaro::transport::sparse::{EntryFormat, SparseRows};
+use chiaro::transport::ways::Factors;
 use chiaro::transport::{sampling, sides};
 use glam::{Mat3, Vec3};
 use libtest_mimic::{Arguments, Failed, Trial};
@@ -34,8 +38,11 @@ const TESTS: &[(&str, Test)] = &[
     ("average_pyramid", pyramids),
     ("colour_edits", edits),
     ("direct_light", lights),
+    ("entry_ways", entry_ways_of_rows),
     ("haar_encode", haar),
+    ("hidden_rows", behind),
     ("interpolate", interpolation),
+    ("path_product", path_products),
     ("primary_visibility", views),
     ("scaled_product", scaled),
     ("sparse_product", products),
@@ -289,7 +296,7 @@ fn products(devices: &Devices) -> Outcome {
 }
 
 fn scaled(devices: &Devices) -> Outcome {
-    let mut random = Random(17);
+    let mut random = Random(19);
     let packed = |bits, signed, lists: Vec<Vec<(u32, f32)>>| {
         let format = EntryFormat::new(bits, signed).map_err(|error| error.to_string())?;
         SparseRows::from_rows(format, lists.iter().map(Vec::as_slice)).map_err(|error| error.to_string())
@@ -339,6 +346,58 @@ fn scaled(devices: &Devices) -> Outcome {
     Ok(())
 }
 
+/// Rows of an unsigned format with places for their columns.
+fn paths(random: &mut Random, rows: usize, index_bits: u32, most: usize) -> Result<SparseRows, String> {
+    let format = EntryFormat::new(index_bits, false).map_err(|error| error.to_string())?;
+    let lists: Vec<Vec<(u32, f32)>> = (0..rows)
+        .map(|row| {
+            let length = if row % 5 == 3 { 0 } else { 1 + random.below(most) };
+            (0..length).map(|_| (random.below(format.columns()) as u32, random.unit() / length as f32)).collect()
+        })
+        .collect();
+    SparseRows::from_rows(format, lists.iter().map(Vec::as_slice)).map_err(|error| error.to_string())
+}
+
+fn entry_ways_of_rows(devices: &Devices) -> Outcome {
+    let mut random = Random(17);
+    for (rows, index_bits, most) in [(1, 1, 2), (37, 3, 9), (300, 16, 200), (5, 10, 3000)] {
+        let matrix = paths(&mut random, rows, index_bits, most)?;
+        let mut points = random.ugly(rows, &[0.0, -0.0, 1e-20, 65504.0, -1.0]);
+        points[0] = [0.0; 4];
+        let mut places = random.ugly(matrix.columns(), &[0.0, -0.0, 1e-20, 65504.0, -1.0]);
+        places[1] = [0.0; 4];
+        let run = |device| entry_ways(device, &matrix, &points, &places).map_err(|error| error.to_string());
+        let cpu = run(&Device::Cpu)?;
+        for device in [&devices.gpu, &devices.paged] {
+            // A code on the edge between two may fall to either side.
+            let apart = |a: u32, b: u32, shift: u32, mask: u32| (a >> shift & mask).abs_diff(b >> shift & mask);
+            nearly_all("ways", &run(device)?, &cpu, |&a, &b| {
+                apart(a, b, 16, 0xffff) <= 1 && apart(a, b, 8, 255) <= 1 && apart(a, b, 0, 255) <= 1
+            })?;
+        }
+    }
+    Ok(())
+}
+
+fn path_products(devices: &Devices) -> Outcome {
+    let mut random = Random(18);
+    let mut factors = Factors::default();
+    factors.by_distance(|d| (1.0 + d.min(1e3)).powf(-0.7));
+    factors.by_direction(|v| 1.0 + 0.8 * v.x);
+    for (rows, index_bits, most) in [(1, 1, 2), (37, 3, 9), (300, 16, 200), (5, 10, 3000)] {
+        let matrix = paths(&mut random, rows, index_bits, most)?;
+        let ways: Array<u32> =
+            (0..matrix.entries().len()).map(|_| random.below(1 << 32) as u32).collect::<Vec<_>>().into();
+        for vector in [random.light(matrix.columns()), random.ugly(matrix.columns(), &UGLY)] {
+            // As for sparse products: terms of 65504 leave their rounding.
+            compare(&format!("{rows} rows"), devices, (65504.0 * 1e-6, 1e-5), |device| {
+                path_product(device, &matrix, &ways, &factors, &vector)
+            })?;
+        }
+    }
+    Ok(())
+}
+
 fn interpolation(devices: &Devices) -> Outcome {
     let mut random = Random(14);
     for (samples, rows, count) in [(0, 3, 1), (1, 1, 1), (63, 5, 1), (1000, 77, 3), (20_001, 3000, 4)] {
@@ -371,14 +430,20 @@ fn edits(devices: &Devices) -> Outcome {
                     curve,
                     receiver: (e % 3 != 0)
                         .then(|| (0..samples).map(|n| [0.0, 1.0, random.unit()][n % 3]).collect::<Vec<_>>().into()),
+                    gain: (e % 5 == 4).then(|| (0..samples).map(|_| 2.0 * random.unit()).collect::<Vec<_>>().into()),
                 }
             })
             .collect();
         let what = format!("{samples} samples, {count} atoms, {length} edits");
+        let run = |device: &Device, atoms: &[[f32; 4]]| {
+            let edited = colour_edits(device, atoms, count, &list)?;
+            let gains = edited.gains.concat().into_iter().map(|gain| [gain; 4]);
+            Ok(edited.light.into_iter().chain(gains).collect())
+        };
         let atoms = random.light(samples * count);
-        compare(&what, devices, ARITHMETIC, |device| colour_edits(device, &atoms, count, &list))?;
+        compare(&what, devices, ARITHMETIC, |device| run(device, &atoms))?;
         let atoms = random.ugly(samples * count, &[0.0, -0.0, 1e-40, f32::MIN_POSITIVE, 65504.0]);
-        compare(&what, devices, ARITHMETIC, |device| colour_edits(device, &atoms, count, &list))?;
+        compare(&what, devices, ARITHMETIC, |device| run(device, &atoms))?;
     }
     Ok(())
 }
@@ -521,6 +586,38 @@ fn rows(devices: &Devices) -> Outcome {
                 / cpu.distances.len() as f32;
             if gpu.distances.len() != cpu.distances.len() || share < 0.98 {
                 return Err(format!("{rays} rays: {share} of the distances agree"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn behind(devices: &Devices) -> Outcome {
+    let scene = room();
+    let points = seen(&scene, 29, 23);
+    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
+        .map_err(|error| error.to_string())?;
+    let seeds: Array<u32> = (0..points.len() as u32).map(sampling::hash).collect::<Vec<_>>().into();
+    let some: Array<u32> = (0..2 * gather.count() as u32).map(|node| node % 3).collect::<Vec<_>>().into();
+    let all: Array<u32> = vec![1; 2 * gather.count()].into();
+    for (rays, credit, layers, admitted) in [(1, 0.25, 4, &all), (64, 0.25, 4, &some), (100, 0.0, 1, &all)] {
+        let run = |device| {
+            let walk = Walk { rays, credit, layers };
+            hidden_rows(device, &scene.geometry, &gather, &points, &seeds, admitted, walk)
+                .map_err(|error| error.to_string())
+        };
+        let cpu = run(&Device::Cpu)?;
+        if cpu.nodes.iter().all(|&node| node == 0) || layers == 1 && cpu.dropped.iter().all(|&dropped| dropped == 0) {
+            return Err(format!("{rays} rays: nothing is hidden, or nothing left out, so nothing was compared"));
+        }
+        for device in [&devices.gpu, &devices.paged] {
+            let gpu = run(device)?;
+            nearly_all("nodes", &gpu.nodes, &cpu.nodes, |a, b| a == b)
+                .map_err(|what| format!("{rays} rays: {what}"))?;
+            // A row's count is of all its rays: one that passes an edge on the other side changes it.
+            let equal = gpu.dropped.iter().zip(&cpu.dropped).filter(|(a, b)| a == b).count();
+            if gpu.dropped.len() != cpu.dropped.len() || (equal as f32) < 0.95 * cpu.dropped.len() as f32 {
+                return Err(format!("{rays} rays: {equal} of {} counts agree", cpu.dropped.len()));
             }
         }
     }

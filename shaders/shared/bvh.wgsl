@@ -48,11 +48,16 @@ struct Hit {
 }
 
 fn closest_hit(ray: Ray) -> Hit {
-    return traverse(ray, false);
+    return traverse(ray, 0.0, false);
+}
+
+// The nearest hit farther along than t_min.
+fn closest_hit_beyond(ray: Ray, t_min: f32) -> Hit {
+    return traverse(ray, t_min, false);
 }
 
 fn any_hit(ray: Ray) -> bool {
-    return traverse(ray, true).triangle != NONE;
+    return traverse(ray, 0.0, true).triangle != NONE;
 }
 
 // Where the ray enters the box, or FAR when it does not before t_max.
@@ -64,7 +69,7 @@ fn enter(node: u32, origin: vec3<f32>, inverse: vec3<f32>, t_max: f32) -> f32 {
     return select(FAR, near, near <= leave * SLACK);
 }
 
-fn traverse(ray: Ray, any: bool) -> Hit {
+fn traverse(ray: Ray, t_min: f32, any: bool) -> Hit {
     // A zero component would make 0 x infinity; this is as good as parallel.
     let tiny = select(vec3(1e-20), vec3(-1e-20), ray.direction < vec3(0.0));
     let inverse = 1.0 / select(ray.direction, tiny, abs(ray.direction) < vec3(1e-20));
@@ -81,7 +86,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
         let count = nodes[node].count;
         if count > 0u {
             for (var i = first; i < first + count; i++) {
-                intersect(i, ray, &best);
+                intersect(i, ray, t_min, &best);
                 if any && best.triangle != NONE {
                     return best;
                 }
@@ -109,7 +114,7 @@ fn traverse(ray: Ray, any: bool) -> Hit {
 }
 
 // Möller-Trumbore, both sides: takes the hit when it is nearer than the best.
-fn intersect(i: u32, ray: Ray, best: ptr<function, Hit>) {
+fn intersect(i: u32, ray: Ray, t_min: f32, best: ptr<function, Hit>) {
     let edge_u = facets[i].edge_u;
     let edge_v = facets[i].edge_v;
     let p = cross(ray.direction, edge_v);
@@ -120,7 +125,7 @@ fn intersect(i: u32, ray: Ray, best: ptr<function, Hit>) {
     let q = cross(s, edge_u);
     let v = dot(ray.direction, q) * inverse;
     let t = dot(edge_v, q) * inverse;
-    if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t <= (*best).t {
+    if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > t_min && t <= (*best).t {
         let triangle = facets[i].triangle;
         if t < (*best).t || triangle < (*best).triangle {
             *best = Hit(t, triangle, u, v, determinant > 0.0, i);

@@ -11,7 +11,7 @@ use crate::node::{Facet, FacetRule, Key, Port};
 use crate::params::AnyNode;
 
 /// A hash of all code that results depend on (see build.rs).
-const SOURCES: &str = env!("CHIARO_SOURCES");
+pub(super) const SOURCES: &str = env!("CHIARO_SOURCES");
 
 /// One node at one frame, ready to run.
 pub struct Keyed {

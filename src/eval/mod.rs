@@ -13,6 +13,7 @@
 
 pub mod disk;
 pub mod files;
+mod kept;
 pub mod keys;
 pub mod memory;
 pub mod outputs;
@@ -31,6 +32,7 @@ use crate::value::Value;
 use crate::{Error, Result};
 use disk::Found;
 use files::FileHashes;
+use kept::Kept;
 use keys::Keyed;
 use serde_json::{Map, Value as Json};
 use std::path::Path;
@@ -265,10 +267,12 @@ impl Evaluation<'_> {
         let inputs =
             Inputs { info, values: (0..info.inputs.len()).map(|port| self.input(index, port, results)).collect() };
         let notes = Mutex::new(Map::new());
+        let Evaluator { memory, disk, verify, .. } = self.evaluator;
+        let memo = Kept { memory, disk: disk.as_ref(), verify: *verify };
         let job = Job {
             device: &self.evaluator.device,
             progress: Progress { node: &step.name, sink: self.context.sink, cancel: self.context.cancel },
-            memo: &self.evaluator.memory,
+            memo: &memo,
             frame: keyed.frame,
             fps: self.plan.fps,
             base: &self.plan.base,

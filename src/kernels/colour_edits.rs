@@ -12,6 +12,9 @@
 //! so a curve acts on what the edits before it left, and light outside the mask keeps every bit, as does a sample of
 //! weight 0. The result is the sum of all atoms, in order. The fourth element of an atom is not light: the result's is
 //! 0. Inputs are finite.
+//!
+//! Gains may be given instead of a curve, and are told: a reflection is changed by the gain that the sample's irradiance
+//! asks for.
 
 #[cfg(feature = "gpu")]
 use super::pages;
@@ -30,9 +33,9 @@ const BLOCK: usize = 1024;
 const DARK: f32 = 1e-20;
 /// Rec.709.
 const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
-/// In `PackedEdit::receiver`: the edit applies everywhere.
+/// In `PackedEdit`: no such row. The edit applies everywhere; no gains are given.
 #[cfg(feature = "gpu")]
-const EVERYWHERE: u32 = u32::MAX;
+const NONE: u32 = u32::MAX;
 
 /// A knot of a tone curve on luminance.
 #[repr(C)]
@@ -64,9 +67,25 @@ pub struct ColourEdit {
     pub curve: Vec<Knot>,
     /// Weight of each sample, in [0, 1]; `None` is 1 everywhere.
     pub receiver: Option<Array<f32>>,
+    /// Gain of each sample, instead of the curve's.
+    pub gain: Option<Array<f32>>,
+}
+
+/// What edits made of N samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edited {
+    /// N sums of the atoms.
+    pub light: Vec<[f32; 4]>,
+    /// Of each edit with a curve of its own, in order: N gains; 1 where its weight is 0.
+    pub gains: Vec<Vec<f32>>,
 }
 
 impl ColourEdit {
+    /// It has a curve of its own, so its gains are told.
+    pub fn tells(&self) -> bool {
+        self.gain.is_none() && !self.curve.is_empty()
+    }
+
     /// The mask of the listed atoms.
     pub fn mask(atoms: impl IntoIterator<Item = usize>) -> Vec<u32> {
         let mut words = Vec::new();
@@ -95,9 +114,13 @@ struct PackedEdit {
     matrix: [[f32; 4]; 3],
     first_knot: u32,
     knots: u32,
-    /// Row of `receivers`, or `EVERYWHERE`.
+    /// Row of `given` with the weights, or `NONE`.
     receiver: u32,
-    pad: u32,
+    /// Row of `given` with the gains, or `NONE`.
+    gain: u32,
+    /// Row of `gains` to write, or `NONE`.
+    told: u32,
+    pad: [u32; 3],
 }
 
 pub const KERNEL: Kernel = Kernel {
@@ -110,17 +133,18 @@ pub const KERNEL: Kernel = Kernel {
         Binding::read::<PackedEdit>("edits"),
         Binding::read::<u32>("masks"),
         Binding::read::<Knot>("knots"),
-        Binding::read::<f32>("receivers"),
+        Binding::read::<f32>("given"),
         Binding::write::<[f32; 4]>("atoms"),
         Binding::write::<[f32; 4]>("totals"),
+        Binding::write::<f32>("gains"),
     ],
 };
 
-/// Edits `count` atoms of light at N samples (`count` vectors of N elements) and adds them up: N elements.
+/// Edits `count` atoms of light at N samples (`count` vectors of N elements) and adds them up.
 ///
 /// `Error::Compute` when a receiver has not N weights, a curve's knots do not rise, or a mask names an atom that is not
 /// there.
-pub fn colour_edits(device: &Device, atoms: &[[f32; 4]], count: usize, edits: &[ColourEdit]) -> Result<Vec<[f32; 4]>> {
+pub fn colour_edits(device: &Device, atoms: &[[f32; 4]], count: usize, edits: &[ColourEdit]) -> Result<Edited> {
     let samples = vector_length(KERNEL.name, atoms.len(), count)?;
     for (number, edit) in edits.iter().enumerate() {
         check(edit, samples, count).map_err(|what| {
@@ -139,8 +163,10 @@ fn check(edit: &ColourEdit, samples: usize, count: usize) -> std::result::Result
     if let Some(atom) = beyond {
         return Err(format!("it names atom {atom} of {count}"));
     }
-    if let Some(receiver) = edit.receiver.as_ref().filter(|receiver| receiver.len() != samples) {
-        return Err(format!("{} receiver weights for {samples} samples", receiver.len()));
+    for (what, list) in [("receiver weights", &edit.receiver), ("gains", &edit.gain)] {
+        if let Some(list) = list.as_ref().filter(|list| list.len() != samples) {
+            return Err(format!("{} {what} for {samples} samples", list.len()));
+        }
     }
     if edit.curve.iter().any(|knot| !(knot.x.is_finite() && knot.y.is_finite() && knot.slope.is_finite())) {
         return Err("a knot of its curve is not finite".to_owned());
@@ -155,44 +181,65 @@ fn check(edit: &ColourEdit, samples: usize, count: usize) -> std::result::Result
     Ok(())
 }
 
-fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -> Vec<[f32; 4]> {
-    let mut totals = vec![[0.0; 4]; samples];
-    totals.par_chunks_mut(BLOCK).enumerate().for_each(|(block, totals)| {
-        let mut light = vec![Vec3::ZERO; count];
-        for (n, total) in (block * BLOCK..).zip(totals) {
-            for (a, light) in light.iter_mut().enumerate() {
+fn cpu(atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -> Edited {
+    let mut light = vec![[0.0; 4]; samples];
+    // The gains of a sample side by side while they are made.
+    let told = edits.iter().filter(|edit| edit.tells()).count();
+    let mut gains = vec![1.0; samples * told];
+    let chunks = light.par_chunks_mut(BLOCK).zip(match told {
+        0 => (0..samples.div_ceil(BLOCK)).map(|_| &mut [][..]).collect::<Vec<&mut [f32]>>(),
+        _ => gains.chunks_mut(BLOCK * told).collect(),
+    });
+    chunks.enumerate().for_each(|(block, (totals, gains))| {
+        let mut parts = vec![Vec3::ZERO; count];
+        for (i, total) in totals.iter_mut().enumerate() {
+            let n = block * BLOCK + i;
+            for (a, part) in parts.iter_mut().enumerate() {
                 let [r, g, b, _] = atoms[a * samples + n];
-                *light = Vec3::new(r, g, b);
+                *part = Vec3::new(r, g, b);
             }
+            let mut tell = gains[i * told..][..told].iter_mut();
             for edit in edits {
-                apply(edit, n, &mut light);
+                let gain = apply(edit, n, &mut parts);
+                if edit.tells() {
+                    *tell.next().expect("one for each that tells") = gain;
+                }
             }
-            let sum = light.iter().fold(Vec3::ZERO, |sum, &light| sum + light);
+            let sum = parts.iter().fold(Vec3::ZERO, |sum, &part| sum + part);
             *total = sum.extend(0.0).to_array();
         }
     });
-    totals
+    let gains = (0..told).map(|e| gains.iter().skip(e).step_by(told).copied().collect()).collect();
+    Edited { light, gains }
 }
 
 #[cfg(feature = "gpu")]
-fn gpu(gpu: &Gpu, atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[ColourEdit]) -> Result<Vec<[f32; 4]>> {
+fn gpu<'a>(gpu: &Gpu, atoms: &[[f32; 4]], samples: usize, count: usize, edits: &'a [ColourEdit]) -> Result<Edited> {
     let mask_words = count.div_ceil(32);
     let (mut packed, mut masks, mut knots) = (Vec::new(), Vec::new(), Vec::new());
-    let mut receivers: Vec<&Array<f32>> = Vec::new();
+    let mut given: Vec<&Array<f32>> = Vec::new();
+    let mut told = 0;
     for edit in edits {
-        let receiver = edit.receiver.as_ref().map_or(EVERYWHERE, |receiver| {
-            receivers.push(receiver);
-            receivers.len() as u32 - 1
+        let mut give = |list: &'a Option<Array<f32>>| {
+            let row = if list.is_some() { given.len() as u32 } else { NONE };
+            given.extend(list);
+            row
+        };
+        let (receiver, gain) = (give(&edit.receiver), give(&edit.gain));
+        let tells = edit.tells().then(|| {
+            told += 1;
+            told - 1
         });
         let matrix = [edit.matrix.x_axis, edit.matrix.y_axis, edit.matrix.z_axis].map(|c| c.extend(0.0).to_array());
         let (first_knot, count) = (knots.len() as u32, edit.curve.len() as u32);
-        packed.push(PackedEdit { matrix, first_knot, knots: count, receiver, pad: 0 });
+        let tells = tells.unwrap_or(NONE);
+        packed.push(PackedEdit { matrix, first_knot, knots: count, receiver, gain, told: tells, pad: [0; 3] });
         masks.extend((0..mask_words).map(|word| edit.atoms.get(word).copied().unwrap_or(0)));
         knots.extend_from_slice(&edit.curve);
     }
     let (packed, masks, knots) = (gpu.upload(&packed), gpu.upload(&masks), gpu.upload(&knots));
-    let mut out = Vec::with_capacity(samples);
-    for range in pages(samples, gpu.page(16 * count.max(receivers.len()))) {
+    let mut edited = Edited { light: Vec::with_capacity(samples), gains: vec![Vec::new(); told as usize] };
+    for range in pages(samples, gpu.page((16 * count).max(4 * given.len()).max(4 * told as usize))) {
         let params = Params {
             samples: range.len() as u32,
             atoms: count as u32,
@@ -200,24 +247,30 @@ fn gpu(gpu: &Gpu, atoms: &[[f32; 4]], samples: usize, count: usize, edits: &[Col
             mask_words: mask_words as u32,
         };
         let light = gpu.upload_columns(atoms, samples, range.clone());
-        let weights = gpu.upload_parts(receivers.iter().map(|receiver| &receiver[range.clone()]));
+        let lists = gpu.upload_parts(given.iter().map(|list| &list[range.clone()]));
         let totals = gpu.storage::<[f32; 4]>(range.len());
+        let gains = gpu.storage::<f32>(range.len() * told as usize);
         let mut batch = gpu.batch();
-        let buffers = [&packed, &masks, &knots, &weights, &light, &totals];
+        let buffers = [&packed, &masks, &knots, &lists, &light, &totals, &gains];
         batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(64))?;
-        let [page] = batch.read([&totals])?;
-        out.extend_from_slice(page.get());
+        let [page, gains] = batch.read([&totals, &gains])?;
+        edited.light.extend_from_slice(page.get());
+        let parts = gains.get::<f32>().chunks_exact(range.len());
+        edited.gains.iter_mut().zip(parts).for_each(|(all, part)| all.extend_from_slice(part));
     }
-    Ok(out)
+    Ok(edited)
 }
 
-fn apply(edit: &ColourEdit, n: usize, light: &mut [Vec3]) {
+/// Edits the atoms of one sample; the gain that the curve asked for.
+fn apply(edit: &ColourEdit, n: usize, light: &mut [Vec3]) -> f32 {
     let weight = edit.receiver.as_ref().map_or(1.0, |receiver| receiver[n]);
     if weight == 0.0 {
-        return;
+        return 1.0;
     }
     let mut gain = 1.0;
-    if !edit.curve.is_empty() {
+    if let Some(given) = &edit.gain {
+        gain = given[n];
+    } else if !edit.curve.is_empty() {
         let mut sum = Vec3::ZERO;
         for (a, light) in light.iter().enumerate() {
             if in_mask(&edit.atoms, a) {
@@ -235,6 +288,7 @@ fn apply(edit: &ColourEdit, n: usize, light: &mut [Vec3]) {
             *light += (edited - *light) * weight;
         }
     }
+    gain
 }
 
 fn in_mask(words: &[u32], atom: usize) -> bool {
@@ -273,7 +327,7 @@ mod tests {
     use super::*;
 
     fn edit(atoms: impl IntoIterator<Item = usize>, matrix: Mat3) -> ColourEdit {
-        ColourEdit { atoms: ColourEdit::mask(atoms), matrix, curve: Vec::new(), receiver: None }
+        ColourEdit { atoms: ColourEdit::mask(atoms), matrix, curve: Vec::new(), receiver: None, gain: None }
     }
 
     fn double() -> Mat3 {
@@ -287,7 +341,7 @@ mod tests {
         let mut no_green = edit([0, 1], Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)));
         no_green.receiver = Some(vec![0.0, 0.5].into());
         let out = colour_edits(&Device::Cpu, &atoms, 2, &[edit([0], double()), no_green]).unwrap();
-        assert_eq!(out, [[2.5, 4.5, 6.5, 0.0], [0.0, 5.0, 1.0, 0.0]]);
+        assert_eq!(out.light, [[2.5, 4.5, 6.5, 0.0], [0.0, 5.0, 1.0, 0.0]]);
     }
 
     #[test]
@@ -298,11 +352,26 @@ mod tests {
         (atoms[0], atoms[7], atoms[40]) = ([1.0, 1.0, 1.0, 0.0], [5.0; 4], [0.5, 0.5, 0.5, 0.0]);
         // Luminance 2 * 1.5 = 3 -> 2; then 2 * 3 = 6 -> 2 + 3 * 0.5 = 3.5; atom 7 is left alone.
         let out = colour_edits(&Device::Cpu, &atoms, 41, &[curved.clone()]).unwrap();
-        assert!((out[0][0] - 7.0).abs() < 1e-5, "{out:?}");
+        assert!((out.light[0][0] - 7.0).abs() < 1e-5, "{out:?}");
         let out = colour_edits(&Device::Cpu, &atoms, 41, &[edit([0, 40], double()), curved.clone()]).unwrap();
-        assert!((out[0][1] - 8.5).abs() < 1e-5, "{out:?}");
+        assert!((out.light[0][1] - 8.5).abs() < 1e-5, "{out:?}");
         let dark = colour_edits(&Device::Cpu, &[[0.0; 4]; 41], 41, &[curved]).unwrap();
-        assert_eq!(dark, [[0.0; 4]], "no light, nothing to scale");
+        assert_eq!(dark.light, [[0.0; 4]], "no light, nothing to scale");
+    }
+
+    #[test]
+    fn gains_are_told_and_can_be_given() {
+        let atoms = [[1.0, 1.0, 1.0, 0.0], [4.0, 4.0, 4.0, 0.0], [9.0, 9.0, 9.0, 0.0]];
+        let mut curved = edit([0], double());
+        curved.curve = vec![Knot::new(2.0, 1.0, 0.0)];
+        curved.receiver = Some(vec![1.0, 1.0, 0.0].into());
+        let list = [edit([0], double()), curved];
+        let first = colour_edits(&Device::Cpu, &atoms, 1, &list).unwrap();
+        assert_eq!(first.gains, [[1.0 / 4.0, 1.0 / 16.0, 1.0]]);
+        let mut given = list.clone();
+        given[1].gain = Some(first.gains[0].clone().into());
+        let again = colour_edits(&Device::Cpu, &atoms, 1, &given).unwrap();
+        assert_eq!((again.light, again.gains.len()), (first.light, 0));
     }
 
     #[test]

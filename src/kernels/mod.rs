@@ -8,10 +8,16 @@
 pub mod average_pyramid;
 pub mod colour_edits;
 pub mod direct_light;
+pub mod entry_ways;
 pub mod haar_encode;
+pub mod hidden_rows;
 pub mod interpolate;
+pub mod path_product;
 pub mod primary_visibility;
 pub mod scaled_product;
+mod shared {
+    pub mod credit;
+}
 pub mod sparse_product;
 pub mod tone_map;
 pub mod transfer_points;
@@ -19,8 +25,10 @@ pub mod transfer_rows;
 
 pub use average_pyramid::average_pyramid;
 pub use colour_edits::colour_edits;
+pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
 pub use interpolate::interpolate;
+pub use path_product::path_product;
 pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
 pub use tone_map::tone_map;
@@ -37,13 +45,20 @@ const RAY_SHADERS: &[&str] = &[
     include_str!("../../shaders/shared/sampling.wgsl"),
 ];
 
+/// The shared WGSL of kernels that credit rays to gather samples.
+const CREDIT_SHADERS: &[&str] =
+    &[RAY_SHADERS[0], RAY_SHADERS[1], RAY_SHADERS[2], include_str!("../../shaders/shared/credit.wgsl")];
+
 /// Every kernel, in the order of the alphabet.
 pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
     &colour_edits::KERNEL,
     &direct_light::KERNEL,
+    &entry_ways::KERNEL,
     &haar_encode::KERNEL,
+    &hidden_rows::KERNEL,
     &interpolate::KERNEL,
+    &path_product::KERNEL,
     &primary_visibility::KERNEL,
     &scaled_product::KERNEL,
     &sparse_product::KERNEL,

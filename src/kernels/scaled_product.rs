@@ -16,6 +16,8 @@ mod factors;
 #[cfg(feature = "gpu")]
 mod trees;
 
+#[cfg(feature = "gpu")]
+use super::sparse_product::row_pages;
 use super::{split_columns, vector_length};
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
@@ -277,12 +279,7 @@ impl Task<'_> {
         let (count, offsets) = (products.len() / self.pairs.len(), self.rows.offsets());
         let light = gpu.upload(self.vectors);
         let mut trees = trees::Trees::new(self.scales.columns().ilog2());
-        let mut start = 0;
-        while start < self.rows.rows() {
-            let last = offsets[start] as usize + gpu.page(4);
-            let fitting = offsets[start + 1..].partition_point(|&end| end as usize <= last);
-            let range = start..start + fitting.max(1);
-            start = range.end;
+        for range in row_pages(gpu, self.rows, count) {
             let here: Vec<usize> =
                 (0..self.pairs.len()).filter(|&p| range.contains(&(self.pairs[p][0] as usize))).collect();
             let mut left = &here[..];

@@ -225,7 +225,7 @@ fn gpu(gpu: &Gpu, rows: &SparseRows, vectors: &[[f32; 4]], products: &mut [[f32;
 
 /// Ranges of rows whose entries and products each fit in a page; a longer row is a page of its own.
 #[cfg(feature = "gpu")]
-fn row_pages(gpu: &Gpu, rows: &SparseRows, count: usize) -> Vec<Range<usize>> {
+pub(super) fn row_pages(gpu: &Gpu, rows: &SparseRows, count: usize) -> Vec<Range<usize>> {
     let (most_entries, most_rows) = (gpu.page(4), gpu.page(16 * count));
     let offsets = rows.offsets();
     let mut pages = Vec::new();

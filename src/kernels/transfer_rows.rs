@@ -8,7 +8,9 @@
 //! Output: rows x rays node numbers (0: the ray met nothing that sends light), and per row the harmonic mean and the
 //! least of the distances, which say how fast indirect light may change there (Ward et al. 1988).
 
-use super::RAY_SHADERS;
+use super::CREDIT_SHADERS;
+use super::shared::credit;
+pub use super::shared::credit::unit_ray;
 #[cfg(feature = "gpu")]
 use super::{RAYS, fits_the_shader, pages};
 use crate::Result;
@@ -16,11 +18,10 @@ use crate::Result;
 use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Array, Binding, Device, Kernel};
-use crate::scene::bvh::{Facet, Hit, Node, Ray};
+use crate::scene::bvh::{Facet, Node, Ray};
 use crate::scene::{Geometry, SurfacePoint};
-use crate::transport::gather::{DEAD, Gather, cell_index};
+use crate::transport::gather::Gather;
 use crate::transport::sampling;
-use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 uniform! {
@@ -42,7 +43,7 @@ uniform! {
 
 pub const KERNEL: Kernel = Kernel {
     name: "transfer_rows",
-    shared: RAY_SHADERS,
+    shared: CREDIT_SHADERS,
     source: include_str!("../../shaders/transfer_rows.wgsl"),
     workgroup: [64, 1, 1],
     uniform: Params::UNIFORM,
@@ -158,15 +159,6 @@ fn gpu(
     Ok(found)
 }
 
-/// A cosine-distributed ray about the point's shading normal, lifted off its surface.
-pub fn unit_ray(point: &SurfacePoint, at: Vec2, lift: f32) -> Ray {
-    let normal = Vec3::from(point.normal);
-    let (x, y) = sampling::frame(normal);
-    let local = sampling::cosine_direction(at);
-    let origin = sampling::lifted(point.position.into(), point.geometric_normal.into(), lift);
-    Ray { origin, direction: x * local.x + y * local.y + normal * local.z, t_max: f32::INFINITY }
-}
-
 /// The node to credit (0 for none), and the distance to the hit (infinite for none).
 fn follow(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, params: &Params) -> (u32, f32) {
     // Interpolated normals tilt some rays below the triangle itself.
@@ -177,49 +169,8 @@ fn follow(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray,
     if hit.triangle == SurfacePoint::NOWHERE.triangle {
         return (0, f32::INFINITY);
     }
-    let side = gather.sides[hit.triangle as usize];
-    let cells = if hit.front { side[0] } else { side[1] };
-    if cells == DEAD {
-        return (0, hit.t);
-    }
-    let mut leaf = gather.cells[(cells + cell_index(hit.u, hit.v, side[2])) as usize];
-    if behind(point, &gather.points[leaf as usize]) {
-        // The cell straddles the row's own surface: look again half a sample further out.
-        let (u, v) = nudged(geometry, &hit, Vec3::from(point.geometric_normal) * params.spacing);
-        let other = gather.cells[(cells + cell_index(u, v, side[2])) as usize];
-        if !behind(point, &gather.points[other as usize]) {
-            leaf = other;
-        }
-    }
-    let area_vector = geometry.area_vector(hit.triangle as usize);
-    let facing = (area_vector.dot(ray.direction).abs() / area_vector.length()).max(0.1);
-    let cosine = ray.direction.dot(point.normal.into()).max(0.05);
-    // The patch's radius squared: solid angle pi / (rays cosine), times t² / facing, over pi.
-    let patch = hit.t * hit.t / (params.rays as f32 * cosine * facing);
-    let mut node = params.gather + leaf;
-    while node > 1 && gather.radius2[(node >> 1) as usize] <= params.credit * patch {
-        node >>= 1;
-    }
-    (node, hit.t)
-}
-
-/// The row's point cannot see a sample below its own surface.
-fn behind(point: &SurfacePoint, sample: &SurfacePoint) -> bool {
-    (Vec3::from(sample.position) - Vec3::from(point.position)).dot(point.geometric_normal.into()) < 0.0
-}
-
-/// Barycentrics of a hit moved along its triangle, clamped to stay on it.
-fn nudged(geometry: &Geometry, hit: &Hit, by: Vec3) -> (f32, f32) {
-    let [a, b, c] = geometry.corners[hit.triangle as usize].map(Vec3::from);
-    let (edge_u, edge_v) = (b - a, c - a);
-    let (uu, uv, vv) = (edge_u.dot(edge_u), edge_u.dot(edge_v), edge_v.dot(edge_v));
-    let (du, dv) = (by.dot(edge_u), by.dot(edge_v));
-    let determinant = uu * vv - uv * uv;
-    // A sliver has no room to move in.
-    if determinant.is_nan() || determinant <= 1e-6 * uu * vv {
-        return (hit.u, hit.v);
-    }
-    let u = (hit.u + (du * vv - dv * uv) / determinant).clamp(0.0, 1.0);
-    let v = (hit.v + (dv * uu - du * uv) / determinant).clamp(0.0, 1.0 - u);
-    (u, v)
+    let Some(leaf) = credit::leaf(geometry, gather, point, &hit, params.spacing) else { return (0, hit.t) };
+    let share = params.rays as f32 * ray.direction.dot(point.normal.into()).max(0.05);
+    let limit = params.credit * credit::patch(geometry, &hit, ray.direction, share);
+    (credit::climb(gather, leaf, limit), hit.t)
 }

@@ -87,7 +87,12 @@ impl Bvh {
 
     /// The nearest hit before `ray.t_max`; among equals the lowest triangle number.
     pub fn closest(&self, ray: &Ray) -> Hit {
-        self.wide.closest(&self.facets, ray)
+        self.wide.closest(&self.facets, ray, 0.0)
+    }
+
+    /// As `closest`, of the hits farther along than `t_min`.
+    pub fn closest_beyond(&self, ray: &Ray, t_min: f32) -> Hit {
+        self.wide.closest(&self.facets, ray, t_min)
     }
 
     /// Whether anything lies before `ray.t_max`.

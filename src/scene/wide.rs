@@ -118,9 +118,9 @@ fn test_boxes_avx2(node: &WideNode, slabs: &Slabs, t_max: f32, entry: &mut [f32;
     }
 }
 
-/// Möller–Trumbore, both sides. `None` when missed or not before `t_max`.
+/// Möller–Trumbore, both sides. `None` when missed or not after `t_min` and before `t_max`.
 #[inline(always)]
-fn intersect(facet: &Facet, ray: &Ray, t_max: f32) -> Option<(f32, f32, f32, bool)> {
+fn intersect(facet: &Facet, ray: &Ray, t_min: f32, t_max: f32) -> Option<(f32, f32, f32, bool)> {
     let (edge_u, edge_v) = (Vec3::from(facet.edge_u), Vec3::from(facet.edge_v));
     let p = ray.direction.cross(edge_v);
     let determinant = edge_u.dot(p);
@@ -131,7 +131,7 @@ fn intersect(facet: &Facet, ray: &Ray, t_max: f32) -> Option<(f32, f32, f32, boo
     let v = ray.direction.dot(q) * inverse;
     let t = edge_v.dot(q) * inverse;
     // Written so that NaN (a ray in the triangle's plane) misses.
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t <= t_max).then_some((t, u, v, determinant > 0.0))
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > t_min && t <= t_max).then_some((t, u, v, determinant > 0.0))
 }
 
 /// Deep enough for any tree but those over heaps of coincident triangles, which pay for a longer one.
@@ -142,6 +142,7 @@ fn traverse<const ANY: bool>(
     bvh: &WideBvh,
     facets: &[Facet],
     ray: &Ray,
+    t_min: f32,
     boxes: impl Fn(&WideNode, &Slabs, f32, &mut [f32; 8]) -> u32,
 ) -> Hit {
     let slabs = Slabs::new(ray);
@@ -166,7 +167,7 @@ fn traverse<const ANY: bool>(
             let first = (target & ((1 << COUNT_SHIFT) - 1)) as usize;
             let count = ((target & !LEAF) >> COUNT_SHIFT) as usize;
             for facet in &facets[first..first + count] {
-                if let Some((t, u, v, front)) = intersect(facet, ray, best.t) {
+                if let Some((t, u, v, front)) = intersect(facet, ray, t_min, best.t) {
                     if ANY {
                         return Hit { t, triangle: facet.triangle, u, v, front };
                     }
@@ -199,28 +200,28 @@ fn traverse<const ANY: bool>(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn traverse_avx2<const ANY: bool>(bvh: &WideBvh, facets: &[Facet], ray: &Ray) -> Hit {
-    traverse::<ANY>(bvh, facets, ray, |node, slabs, t_max, entry| test_boxes_avx2(node, slabs, t_max, entry))
+fn traverse_avx2<const ANY: bool>(bvh: &WideBvh, facets: &[Facet], ray: &Ray, t_min: f32) -> Hit {
+    traverse::<ANY>(bvh, facets, ray, t_min, |node, slabs, t_max, entry| test_boxes_avx2(node, slabs, t_max, entry))
 }
 
-fn dispatch<const ANY: bool>(bvh: &WideBvh, facets: &[Facet], ray: &Ray) -> Hit {
+fn dispatch<const ANY: bool>(bvh: &WideBvh, facets: &[Facet], ray: &Ray, t_min: f32) -> Hit {
     if bvh.nodes.is_empty() || !ray.direction.is_finite() || !ray.origin.is_finite() {
         return Hit::MISS;
     }
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the feature was just found.
-        return unsafe { traverse_avx2::<ANY>(bvh, facets, ray) };
+        return unsafe { traverse_avx2::<ANY>(bvh, facets, ray, t_min) };
     }
-    traverse::<ANY>(bvh, facets, ray, test_boxes_plain as BoxTest)
+    traverse::<ANY>(bvh, facets, ray, t_min, test_boxes_plain as BoxTest)
 }
 
 impl WideBvh {
-    pub fn closest(&self, facets: &[Facet], ray: &Ray) -> Hit {
-        dispatch::<false>(self, facets, ray)
+    pub fn closest(&self, facets: &[Facet], ray: &Ray, t_min: f32) -> Hit {
+        dispatch::<false>(self, facets, ray, t_min)
     }
 
     pub fn any(&self, facets: &[Facet], ray: &Ray) -> bool {
-        dispatch::<true>(self, facets, ray).triangle != Hit::MISS.triangle
+        dispatch::<true>(self, facets, ray, 0.0).triangle != Hit::MISS.triangle
     }
 }

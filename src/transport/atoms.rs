@@ -13,7 +13,7 @@ pub const MOST: usize = 1024;
 
 /// Shares of each gather sample's light; shares of a sample add up to 1.
 pub struct Atoms {
-    /// Per atom, one share a sample.
+    /// Per atom, one share a sample. The first atom is what lies in no caster; there may be none of it.
     pub shares: Vec<Vec<f32>>,
     /// Per caster, the atoms that lie in it.
     pub members: Vec<Vec<usize>>,
@@ -32,7 +32,7 @@ pub fn split(count: usize, casters: &[Vec<f32>]) -> Result<Atoms> {
             };
             let is_dark = |shares: &[f32]| shares.iter().all(|s| *s == 0.0);
             let (within, without) = (cut(&|w| w), cut(&|w| 1.0 - w));
-            if !is_dark(&without) {
+            if inside.is_empty() || !is_dark(&without) {
                 next.push((inside.clone(), without));
             }
             if !is_dark(&within) {
@@ -71,7 +71,9 @@ mod tests {
     }
 
     #[test]
-    fn a_caster_of_everything_needs_no_second_atom() {
-        assert_eq!(split(2, &[vec![1.0; 2]]).unwrap().shares.len(), 1);
+    fn the_first_atom_is_outside_even_when_nothing_is() {
+        let atoms = split(2, &[vec![1.0; 2], vec![0.0; 2]]).unwrap();
+        assert_eq!(atoms.shares, [[0.0; 2], [1.0; 2]]);
+        assert_eq!(atoms.members, [vec![1], vec![]]);
     }
 }

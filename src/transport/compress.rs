@@ -1,9 +1,9 @@
 //! From what one point sees of the gather samples to one sparse row, in either basis.
 
-/// Turns node numbers (one a ray, 0 for none) into sorted (node, weight) pairs; each ray weighs 1 / rays.
-pub fn count_nodes(nodes: &mut [u32], row: &mut Vec<(u32, f32)>) {
+/// Turns node numbers (0 for none) into sorted (node, weight) pairs; each number weighs 1 / rays.
+pub fn count_nodes(nodes: &mut [u32], rays: u32, row: &mut Vec<(u32, f32)>) {
     row.clear();
-    let weight = 1.0 / nodes.len() as f32;
+    let weight = 1.0 / rays as f32;
     nodes.sort_unstable();
     for run in nodes.chunk_by(|a, b| a == b) {
         if run[0] != 0 {
@@ -63,6 +63,7 @@ pub fn merge_siblings(leaves: &[f32], slack: f32, row: &mut Vec<(u32, f32)>) {
 }
 
 /// Scratch for `haar_row`: the dense coefficients of one row, and which are set.
+#[derive(Clone)]
 pub struct HaarScratch {
     dense: Vec<f32>,
     touched: Vec<u32>,
@@ -150,7 +151,7 @@ mod tests {
     #[test]
     fn counting_merging() {
         let mut row = Vec::new();
-        count_nodes(&mut [5, 0, 3, 5], &mut row);
+        count_nodes(&mut [5, 0, 3, 5], 4, &mut row);
         assert_eq!(row, [(3, 0.25), (5, 0.5)]);
         merge_siblings(&[1.0, 1.0, 0.0, 3.0], 0.0, &mut row);
         assert_eq!(row, [(2, 2.0), (7, 3.0)]);

@@ -5,7 +5,9 @@ pub mod cluster;
 pub mod compress;
 pub mod edits;
 pub mod gather;
+pub mod hidden;
 pub mod lighting;
+mod pack;
 pub mod precompute;
 pub mod rows;
 pub mod sampled;
@@ -17,6 +19,7 @@ pub mod sparse;
 mod stored;
 pub mod tone_curve;
 pub mod transfer;
+pub mod ways;
 
 pub use edits::{Edit, Edits};
 pub use sampled::Sampled;

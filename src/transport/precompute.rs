@@ -4,16 +4,16 @@ use crate::Result;
 use crate::device::{Array, Device};
 use crate::kernels::transfer_points::transfer_points;
 use crate::kernels::transfer_rows::transfer_rows;
-use crate::memory;
 use crate::progress::{Progress, Stage};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::Samples;
-use crate::transport::compress::{HaarScratch, count_nodes, leaves, merge_siblings};
+use crate::transport::compress::{count_nodes, leaves, merge_siblings};
 use crate::transport::gather::Gather;
+use crate::transport::pack::RowPacker;
 use crate::transport::rows::{self, Spacing};
 use crate::transport::sampling;
 use crate::transport::sides::live_sides;
-use crate::transport::sparse::{EntryFormat, SparseRows, SparseRowsBuilder};
+use crate::transport::sparse::SparseRows;
 use crate::transport::transfer::{Basis, Transfer};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -103,23 +103,23 @@ pub fn precompute(
     let grid = samples.grid();
     let live = live_sides(geometry, grid.points);
     let gather = Gather::place(geometry, &live, settings.gather_samples)?;
-    let mut packer = Packer::new(device, geometry, &gather, settings, settings.quality)?;
+    let mut caster = Caster::new(device, geometry, &gather, settings, settings.quality)?;
     let stage = progress.stage("transfer rows", grid.points.len() as u64);
     let layout = {
-        let mut measure = |samples: &[usize], resolved: u64| packer.cast(grid.points, samples, &stage, resolved);
+        let mut measure = |samples: &[usize], resolved: u64| caster.cast(grid.points, samples, &stage, resolved);
         rows::place(&grid, settings.quality.spacing, &mut measure)?
     };
     drop(stage);
-    let (rows, mut cost) = packer.finish()?;
+    let (rows, mut cost) = caster.finish()?;
     let between = if settings.bounces > 1 {
         let stage = progress.stage("rows between gather samples", gather.count() as u64);
         let quality = Quality { rays: settings.quality.rays.div_ceil(4).max(16), ..settings.quality };
-        let mut packer = Packer::new(device, geometry, &gather, settings, quality)?;
+        let mut caster = Caster::new(device, geometry, &gather, settings, quality)?;
         let all: Vec<usize> = (0..gather.count()).collect();
         for part in all.chunks(4096) {
-            packer.cast(&gather.points, part, &stage, part.len() as u64)?;
+            caster.cast(&gather.points, part, &stage, part.len() as u64)?;
         }
-        let (between, more) = packer.finish()?;
+        let (between, more) = caster.finish()?;
         cost.rays += more.rays;
         cost.between = more.entries;
         Some(between)
@@ -142,18 +142,17 @@ pub fn precompute(
     Ok((transfer, cost))
 }
 
-struct Packer<'a> {
+struct Caster<'a> {
     device: &'a Device,
     geometry: &'a Geometry,
     gather: &'a Gather,
     settings: &'a Settings,
     quality: Quality,
-    format: EntryFormat,
-    builder: SparseRowsBuilder,
+    packer: RowPacker,
     cost: Cost,
 }
 
-impl<'a> Packer<'a> {
+impl<'a> Caster<'a> {
     fn new(
         device: &'a Device,
         geometry: &'a Geometry,
@@ -161,9 +160,8 @@ impl<'a> Packer<'a> {
         settings: &'a Settings,
         quality: Quality,
     ) -> Result<Self> {
-        let format = EntryFormat::new(settings.basis.index_bits(gather.count()), settings.basis == Basis::Haar)?;
-        let builder = SparseRowsBuilder::new(format)?;
-        Ok(Self { device, geometry, gather, settings, quality, format, builder, cost: Cost::default() })
+        let packer = RowPacker::new(settings, gather.count())?;
+        Ok(Self { device, geometry, gather, settings, quality, packer, cost: Cost::default() })
     }
 
     /// Appends the rows of these points; their distances.
@@ -180,7 +178,7 @@ impl<'a> Packer<'a> {
             Estimator::Points => self.gather.count(),
         };
         for part in samples.chunks((BATCH_RAYS / looks).max(1)) {
-            self.require_memory(part.len(), looks)?;
+            self.packer.require_memory(part.len(), looks, 4, "transfer rows")?;
             let chosen: Array<SurfacePoint> = part.iter().map(|&i| points[i]).collect::<Vec<_>>().into();
             distances.append(&mut match self.settings.estimator {
                 Estimator::Rays => self.shoot(&chosen, part)?,
@@ -193,19 +191,11 @@ impl<'a> Packer<'a> {
         Ok(distances)
     }
 
-    /// For the rays of a batch, and for the entries to come if its rows are like those before; rows double as they grow.
-    fn require_memory(&self, rows: usize, looks: usize) -> Result<()> {
-        let per_row = self.builder.entries().div_ceil(self.builder.rows().max(1)).min(looks);
-        let growth = 2 * self.builder.entries() + rows * per_row.max(looks / 4);
-        let bytes = 4 * (rows * looks + growth) as u64;
-        memory::require(bytes, "transfer rows", "raise the tolerance, lower gather_samples, or render fewer pixels")
-    }
-
     fn shoot(&mut self, points: &Array<SurfacePoint>, samples: &[usize]) -> Result<Vec<[f32; 2]>> {
         let seeds: Array<u32> = samples.iter().map(|&i| sampling::hash(i as u32)).collect::<Vec<_>>().into();
         let Quality { rays, credit, .. } = self.quality;
         let mut cast = transfer_rows(self.device, self.geometry, self.gather, points, &seeds, rays, credit)?;
-        self.pack(cast.nodes.par_chunks_mut(rays as usize), count_nodes)?;
+        self.packer.push(cast.nodes.par_chunks_mut(rays as usize), |nodes, row| count_nodes(nodes, rays, row))?;
         Ok(cast.distances)
     }
 
@@ -213,42 +203,15 @@ impl<'a> Packer<'a> {
         let connected = transfer_points(self.device, self.geometry, self.gather, points)?;
         let count = self.gather.count();
         let (basis, slack) = (self.settings.basis, self.settings.quality.slack);
-        self.pack(connected.weights.par_chunks(count), |weights, row| match basis {
+        self.packer.push(connected.weights.par_chunks(count), |weights, row| match basis {
             Basis::Cut => merge_siblings(weights, slack, row),
             Basis::Haar => leaves(weights, row),
         })?;
         Ok(connected.distances)
     }
 
-    /// Packs rows side by side and appends them in order; `spell` writes one as (node, weight) pairs.
-    fn pack<T: Send>(
-        &mut self,
-        rows: impl IndexedParallelIterator<Item = T>,
-        spell: impl Fn(T, &mut Vec<(u32, f32)>) + Sync + Send,
-    ) -> Result<()> {
-        let Settings { basis, coefficients, .. } = *self.settings;
-        let (format, count) = (self.format, self.gather.count());
-        let scratch = || (Vec::new(), HaarScratch::new(if basis == Basis::Haar { count } else { 0 }));
-        let packed: Vec<Result<(Vec<u32>, f32)>> = rows
-            .map_init(scratch, |(row, scratch), what| {
-                spell(what, row);
-                if basis == Basis::Haar {
-                    scratch.haar_row(row, coefficients);
-                }
-                let mut entries = Vec::with_capacity(row.len());
-                let scale = format.pack_row(row, &mut entries)?;
-                Ok((entries, scale))
-            })
-            .collect();
-        for row in packed {
-            let (entries, scale) = row?;
-            self.builder.push_packed(&entries, scale)?;
-        }
-        Ok(())
-    }
-
     fn finish(self) -> Result<(SparseRows, Cost)> {
-        let rows = self.builder.finish()?;
+        let rows = self.packer.finish()?;
         let cost = Cost { rows: rows.rows(), entries: rows.entries().len(), ..self.cost };
         Ok((rows, cost))
     }

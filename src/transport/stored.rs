@@ -48,14 +48,14 @@ impl Stored for Samples {
     }
 }
 
-fn write_rows<'a>(rows: &'a SparseRows, sections: &mut SectionWriter<'a>) {
+pub(super) fn write_rows<'a>(rows: &'a SparseRows, sections: &mut SectionWriter<'a>) {
     sections.value(&(rows.format().index_bits, rows.format().signed));
     sections.slice(rows.offsets());
     sections.slice(rows.entries());
     sections.slice(rows.scale());
 }
 
-fn read_rows(sections: &mut SectionReader) -> Option<SparseRows> {
+pub(super) fn read_rows(sections: &mut SectionReader) -> Option<SparseRows> {
     let (index_bits, signed) = sections.value()?;
     let (offsets, entries, scale): (Vec<u32>, Vec<u32>, Vec<f32>) = (sections.vec()?, sections.vec()?, sections.vec()?);
     SparseRows::new(offsets, entries, scale, EntryFormat { index_bits, signed }).ok()

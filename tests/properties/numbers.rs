@@ -15,7 +15,7 @@ fn through(curve: &ToneCurve, luminances: &[f32]) -> Vec<f32> {
     let light: Vec<[f32; 4]> = luminances.iter().map(|&x| [x, x, x, 0.0]).collect();
     let edit =
         ColourEdit { atoms: ColourEdit::mask([0]), matrix: Mat3::IDENTITY, curve: curve.knots(), receiver: None };
-    colour_edits(&Device::Cpu, &light, 1, &[edit]).unwrap().iter().map(|light| light[1]).collect()
+    colour_edits(&Device::Cpu, &light, 1, &[edit]).unwrap().light.iter().map(|light| light[1]).collect()
 }
 
 /// Points of a curve that never falls: steps to the right and up.

@@ -14,7 +14,7 @@ use serde_json::json;
 use std::sync::Arc;
 
 /// The six faces of a box from -1 to 1, seen from within or from without.
-fn cuboid(builder: &mut GeometryBuilder, name: &str, place: Mat4, inward: bool) {
+pub fn cuboid(builder: &mut GeometryBuilder, name: &str, place: Mat4, inward: bool) {
     let corners: Vec<[f32; 3]> = (0..8).map(|i| [0, 1, 2].map(|axis| (i >> axis & 1) as f32 * 2.0 - 1.0)).collect();
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let turned = |[a, b, c]: [u32; 3]| if inward { [a, c, b] } else { [a, b, c] };

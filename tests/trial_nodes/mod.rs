@@ -3,7 +3,7 @@
 #![allow(dead_code)]
 
 use chiaro::image::{Content, Image, Layer};
-use chiaro::node::{Facet, FacetRule, Info, Inputs, Job, Node, Port, frame_path};
+use chiaro::node::{Facet, FacetRule, Info, Inputs, Job, Key, Node, Port, frame_path};
 use chiaro::params::NodeType;
 use chiaro::scene::Scene;
 use chiaro::value::{Kind, Value};
@@ -26,6 +26,7 @@ pub const NODES: &[NodeType] = &[
     NodeType::of::<Shade>(),
     NodeType::of::<Dump>(),
     NodeType::of::<Slow>(),
+    NodeType::of::<Keeper>(),
 ];
 
 const IMAGE: Port = Port::new("image", Kind::Image, "a picture");
@@ -320,5 +321,31 @@ impl Node for Slow {
             stage.advance(1)?;
         }
         Ok(vec![map(inputs, "image", |value| value)?])
+    }
+}
+
+params! {
+    /// Keeps a picture of one value between runs; what it is called is no part of that.
+    Keeper {
+        value: f32 = 1.0,
+        label: String = String::new(),
+        /// The result is not what it was the last time.
+        forgetful: bool = false,
+    }
+}
+
+impl Node for Keeper {
+    const INFO: Info = Info { name: "keeper", category: "Make", outputs: &[IMAGE], ..Info::NEW };
+
+    fn run(&self, _: &Inputs, job: &Job) -> Result<Vec<Value>> {
+        let kept = job.keep(Key::of(&[b"keeper", &self.value.to_le_bytes()]), Image::bytes, || {
+            job.note("computed", true);
+            let value = if self.forgetful { self.value + 1.0 } else { self.value };
+            match picture(vec![value; 256]) {
+                Value::Image(image) => Ok(Arc::unwrap_or_clone(image)),
+                other => panic!("a {:?}", other.kind()),
+            }
+        })?;
+        Ok(vec![Value::Image(kept)])
     }
 }

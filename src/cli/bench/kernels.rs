@@ -131,6 +131,7 @@ fn edits(device: &Device) {
             matrix: Mat3::from_diagonal(Vec3::splat(1.5)),
             curve: vec![],
             receiver: Some(vec![0.5; samples].into()),
+            gain: None,
         })
         .collect();
     time("colour_edits 640 x 480, 4 atoms, 3 edits", 16 * atoms.len(), || {

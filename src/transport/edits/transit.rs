@@ -22,6 +22,17 @@ pub struct Transit {
     pub change: Change,
 }
 
+impl Transit {
+    pub fn is_colour(&self) -> bool {
+        matches!(self.change, Change::Colour(_))
+    }
+
+    /// It is not linear in light.
+    pub fn has_curve(&self) -> bool {
+        matches!(&self.change, Change::Colour(colour) if colour.curve != ToneCurve::None)
+    }
+}
+
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
     Colour(Colour),

@@ -1,0 +1,141 @@
+//! From light at view samples to layers of a picture: reflectance, illumination brushes, pixels.
+
+use super::Stage;
+use crate::Result;
+use crate::image::{Content, Layer};
+use crate::transport::Samples;
+use crate::transport::edits::IlluminationBrush;
+use glam::{Mat3, Vec3, Vec4};
+use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
+
+/// Indirect radiance from each view sample to the camera: `reflectance / pi * irradiance + reflection`, then the brushes
+/// in order (thesis Algorithm 6); N elements. `reflection`: radiance of glossy receivers, empty for none.
+pub fn indirect_radiance<'a>(
+    stage: &Stage,
+    reflectance: &[[f32; 4]],
+    irradiance: &[[f32; 4]],
+    reflection: &[[f32; 4]],
+    brushes: impl Iterator<Item = &'a IlluminationBrush>,
+) -> Result<Vec<[f32; 4]>> {
+    let brushes: Vec<(Mat3, Option<_>)> = brushes
+        .map(|brush| {
+            let weights = brush.selection.as_ref().map(|selection| stage.at_view(selection)).transpose()?;
+            Ok((brush.matrix(), weights))
+        })
+        .collect::<Result<_>>()?;
+    let radiance = |i: usize| {
+        let reflected = reflection.get(i).map_or(Vec3::ZERO, |light| rgb(*light));
+        let mut light = rgb(reflectance[i]) * rgb(irradiance[i]) * FRAC_1_PI + reflected;
+        for (matrix, weights) in &brushes {
+            let weight = weights.as_ref().map_or(1.0, |weights| weights[i]);
+            if weight > 0.0 {
+                light += (*matrix * light - light) * weight;
+            }
+        }
+        light.extend(0.0).to_array()
+    };
+    Ok((0..irradiance.len()).into_par_iter().with_min_len(TILE).map(radiance).collect())
+}
+
+/// What is known at each view sample when all light is there; N each.
+pub struct Shading<'a> {
+    pub samples: &'a Samples,
+    /// Diffuse reflectance.
+    pub reflectance: &'a [[f32; 4]],
+    /// Irradiance straight from lights.
+    pub direct: &'a [[f32; 4]],
+    /// Radiance of indirect light towards the camera.
+    pub indirect: &'a [[f32; 4]],
+    /// Radiance of highlights, empty for none; and radiance that surfaces emit.
+    pub highlight: &'a [[f32; 4]],
+    pub emission: &'a (dyn Fn(usize) -> Vec3 + Sync),
+}
+
+impl Shading<'_> {
+    /// The layers that change with light: beauty, `direct` and `indirect` (radiance, albedo included), box-filtered over
+    /// the samples of a pixel.
+    pub fn layers(&self) -> Vec<Layer> {
+        let direct = resolve(self.samples, |i| {
+            let diffuse = rgb(self.reflectance[i]) * rgb(self.direct[i]) * FRAC_1_PI;
+            let highlight = self.highlight.get(i).map_or(Vec3::ZERO, |h| rgb(*h));
+            // The fourth element counts coverage.
+            (diffuse + highlight + (self.emission)(i)).extend(self.reflectance[i][3])
+        });
+        let indirect = resolve(self.samples, |i| rgb(self.indirect[i]).extend(0.0));
+        let pixels = direct.len();
+        vec![
+            layer("", &["R", "G", "B", "A"], Content::Colour, pixels, |p| (direct[p] + indirect[p]).to_array()),
+            layer("direct", &["R", "G", "B"], Content::Colour, pixels, |p| direct[p].truncate().to_array()),
+            layer("indirect", &["R", "G", "B"], Content::Colour, pixels, |p| indirect[p].truncate().to_array()),
+        ]
+    }
+}
+
+/// The layers that light does not change: `albedo`, `P`, `N`, `Z`. P, N and Z are averages over those samples of a pixel
+/// that hit something; Z is the distance along the camera's axis, 0 where there is nothing.
+pub fn surface_layers(samples: &Samples, reflectance: &[[f32; 4]]) -> Vec<Layer> {
+    let albedo = resolve(samples, |i| Vec4::from_array(reflectance[i]));
+    let points = &samples.points;
+    let camera = &samples.camera;
+    let position = resolve(samples, |i| Vec3::from(points[i].position).extend(0.0));
+    let normal = resolve(samples, |i| Vec3::from(points[i].normal).extend(0.0));
+    let place = |p: usize| if albedo[p].w > 0.0 { position[p].truncate() / albedo[p].w } else { Vec3::ZERO };
+    let depth = |p: usize| match albedo[p].w {
+        covered if covered > 0.0 => (camera.position - place(p)).dot(camera.world_from_camera.z_axis),
+        _ => 0.0,
+    };
+    let pixels = albedo.len();
+    vec![
+        layer("albedo", &["R", "G", "B"], Content::Colour, pixels, |p| albedo[p].truncate().to_array()),
+        layer("P", &["X", "Y", "Z"], Content::Data, pixels, |p| place(p).to_array()),
+        layer("N", &["X", "Y", "Z"], Content::Data, pixels, |p| normal[p].truncate().normalize_or_zero().to_array()),
+        layer("Z", &["Z"], Content::Data, pixels, |p| [depth(p)]),
+    ]
+}
+
+fn layer<const C: usize>(
+    name: &str,
+    channels: &[&str; C],
+    content: Content,
+    pixels: usize,
+    value: impl Fn(usize) -> [f32; C] + Sync,
+) -> Layer {
+    let mut data = vec![0.0; C * pixels];
+    data.par_chunks_mut(C * TILE).enumerate().for_each(|(tile, data)| {
+        for (i, out) in data.chunks_exact_mut(C).enumerate() {
+            out.copy_from_slice(&value(tile * TILE + i));
+        }
+    });
+    Layer::new(name, channels, content, data)
+}
+
+/// Pixels or samples that one task works on.
+const TILE: usize = 4096;
+
+/// Mean over the samples of each pixel.
+fn resolve(samples: &Samples, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4> {
+    let per_pixel = samples.per_pixel();
+    (0..samples.width * samples.height)
+        .into_par_iter()
+        .with_min_len(TILE)
+        .map(|pixel| (pixel * per_pixel..(pixel + 1) * per_pixel).map(&value).sum::<Vec4>() / per_pixel as f32)
+        .collect()
+}
+
+/// Adds `count` elements of vectors of light up, in order.
+pub fn sum(count: usize, vectors: &[&[[f32; 4]]]) -> Vec<[f32; 4]> {
+    let mut total = vec![[0.0; 4]; count];
+    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| {
+        for vector in vectors {
+            for (sum, more) in total.iter_mut().zip(&vector[tile * TILE..]) {
+                *sum = (Vec4::from_array(*sum) + Vec4::from_array(*more)).to_array();
+            }
+        }
+    });
+    total
+}
+
+fn rgb(value: [f32; 4]) -> Vec3 {
+    Vec4::from_array(value).truncate()
+}

@@ -1,0 +1,62 @@
+//! From lights to the light of view samples, with edits: the mathematics of the preview (thesis 4.5, 5.5.1).
+//!
+//! ```text
+//! exitance  direct light at gather samples -> B', bounces and source brushes included
+//! lane      one transfer matrix and the samples that its rows give light to
+//! paths     B' -> light at some samples, by way of falloff, direction and what is in between
+//! transit   the list of edits between casters and receivers, in order
+//! layers    irradiance -> radiance to the camera, illumination brushes, layers of a picture
+//! ```
+//!
+//! Every step keeps what it made under a key of what that was made from, so that a slider costs what it changes.
+
+mod exitance;
+mod lane;
+mod layers;
+mod paths;
+mod transit;
+
+pub use exitance::{Leaving, leaving};
+pub use lane::Lane;
+pub use layers::{Shading, indirect_radiance, sum, surface_layers};
+pub use transit::{Arriving, Between, Gains};
+
+use crate::Result;
+use crate::device::{Array, Device};
+use crate::memo::{Key, Memo};
+use crate::progress::Progress;
+use crate::scene::{Geometry, SurfacePoint};
+use crate::transport::{Selection, Transfer};
+use std::sync::Arc;
+
+/// Bytes of one element of light.
+const VEC4: u64 = 16;
+
+/// What all steps work with.
+#[derive(Clone, Copy)]
+pub struct Stage<'a> {
+    pub device: &'a Device,
+    pub memo: &'a dyn Memo,
+    pub progress: Progress<'a>,
+    pub geometry: &'a Geometry,
+    pub transfer: &'a Transfer,
+    /// Names the geometry and the transfer: where things are.
+    pub place: Key,
+}
+
+impl Stage<'_> {
+    /// Weights of a selection at the view samples.
+    pub fn at_view(&self, selection: &Selection) -> Result<Arc<Array<f32>>> {
+        self.weights(b"view", selection, &self.transfer.samples.points)
+    }
+
+    /// Weights of a selection at the gather samples.
+    pub fn at_gather(&self, selection: &Selection) -> Result<Arc<Array<f32>>> {
+        self.weights(b"gather", selection, &self.transfer.gather.points)
+    }
+
+    fn weights(&self, what: &[u8], selection: &Selection, points: &[SurfacePoint]) -> Result<Arc<Array<f32>>> {
+        let key = Key::of(&[b"weights", what, &self.place.0, &selection.digest()]);
+        self.memo.remember(key, |w: &Array<f32>| 4 * w.len() as u64, || Ok(selection.weights(points).into()))
+    }
+}

@@ -1,0 +1,202 @@
+//! Light at some samples of a lane from some of the light, by way of edits that change paths one by one: falloff,
+//! direction, and what lies in between.
+//!
+//! Such edits multiply (`Factors`) or add paths (hidden ones), so those of one list commute, and with colour edits that
+//! are linear, too. Where an edit's receiver is soft, light splits: `1 - a` goes without the edit and `a` with it, which
+//! is the expansion of the product over edits; hard receivers leave one branch at each sample.
+
+use super::lane::{CutOut, Lane, Positions};
+use super::{Leaving, Stage, VEC4};
+use crate::device::Array;
+use crate::kernels::{path_product, sparse_product};
+use crate::memo::Key;
+use crate::transport::Selection;
+use crate::transport::edits::{Change, Transit};
+use crate::transport::transfer::Basis;
+use crate::transport::ways::Factors;
+use crate::{Error, Result};
+use glam::Vec4;
+use std::sync::Arc;
+
+/// Different receivers of path edits that may meet in one part of the light: each doubles the work.
+const MOST: usize = 8;
+
+/// Share of each gather sample's light, and what names it; `None` is all of the light.
+pub type Shares<'a> = Option<(&'a [f32], Key)>;
+
+/// Some light, on its way to some samples.
+pub struct Paths<'a> {
+    pub stage: &'a Stage<'a>,
+    pub lane: &'a Lane<'a>,
+    pub leaving: &'a Leaving,
+    pub shares: Shares<'a>,
+}
+
+impl Paths<'_> {
+    /// What arrives at `positions` of the lane (`None`: all of it) through path edits; one element a position.
+    pub fn light(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Arc<Vec<[f32; 4]>>> {
+        let keys: Vec<[u8; 16]> = edits.iter().map(|edit| edit_key(edit).0).collect();
+        let key = self.key(b"light", &[bytemuck::cast_slice(&keys), bytes_of(positions)]);
+        let bytes = |light: &Vec<[f32; 4]>| VEC4 * light.len() as u64;
+        self.stage.memo.remember(key, bytes, || {
+            let count = positions.map_or(self.lane.count(), |positions| positions.len());
+            let receivers = Receivers::new(self.stage, self.lane, edits, positions)?;
+            let mut total = vec![[0.0; 4]; count];
+            for branch in 0..1 << receivers.weights.len() {
+                let chosen: Vec<&Transit> = receivers.edits_of(edits, branch);
+                let (places, weights) = receivers.reach(branch, count);
+                if places.len() == count && weights.iter().all(|&weight| weight == 1.0) {
+                    return self.branch(&chosen, positions);
+                }
+                if places.is_empty() {
+                    continue;
+                }
+                let lane_places: Vec<u32> =
+                    places.iter().map(|&i| positions.map_or(i, |positions| positions[i as usize])).collect();
+                let arriving = self.branch(&chosen, Some(&Arc::new(lane_places)))?;
+                for ((&i, weight), light) in places.iter().zip(weights).zip(arriving) {
+                    let sum = Vec4::from_array(total[i as usize]) + Vec4::from_array(light) * weight;
+                    total[i as usize] = sum.to_array();
+                }
+            }
+            Ok(total)
+        })
+    }
+
+    fn key(&self, name: &[u8], parts: &[&[u8]]) -> Key {
+        let shares = self.shares.map_or([0; 16], |(_, key)| key.0);
+        let own = [name, &self.lane.key.0, &self.leaving.key.0, &shares];
+        Key::of(&own.into_iter().chain(parts.iter().copied()).collect::<Vec<_>>())
+    }
+
+    /// The same where every edit of the list acts in full.
+    fn branch(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Vec<[f32; 4]>> {
+        let Self { stage, lane, leaving, shares } = self;
+        let cut = CutOut::new(stage, lane, positions, *shares)?;
+        let light: Vec<[f32; 4]> = match shares {
+            None => leaving.exitance.clone(),
+            Some((shares, _)) => {
+                leaving.exitance.iter().zip(*shares).map(|(b, s)| (Vec4::from_array(*b) * *s).to_array()).collect()
+            }
+        };
+        let encoded = stage.transfer.encode(stage.device, &light, 1)?;
+        let rows = match factors(edits, stage.transfer.gather.spacing()) {
+            None => sparse_product(stage.device, &cut.rows, &encoded, 1)?,
+            Some(factors) => {
+                if stage.transfer.settings.basis != Basis::Cut {
+                    return Err(Error::compute(
+                        "falloff and directionality change paths, and rows of basis \"haar\" hold no paths",
+                        "give the transfer the basis \"cut\"",
+                    ));
+                }
+                let ways: Arc<Array<u32>> = cut.ways(stage, lane, &cut.rows, b"seen")?;
+                path_product(stage.device, &cut.rows, &ways, &factors, &encoded)?
+            }
+        };
+        cut.interpolate(stage, &rows)
+    }
+}
+
+fn bytes_of(positions: Option<&Positions>) -> &[u8] {
+    positions.map_or(b"all", |positions| bytemuck::cast_slice(positions))
+}
+
+/// Names a path edit, its receiver included; whose light it acts on is for the caller to say.
+fn edit_key(edit: &Transit) -> Key {
+    let numbers: Vec<f32> = match &edit.change {
+        Change::Falloff { exponent, distance } => vec![0.0, *exponent, *distance],
+        Change::Shadow { amount } => vec![1.0, *amount],
+        Change::Directionality { axis, amount, focus } => vec![2.0, axis.x, axis.y, axis.z, *amount, *focus],
+        Change::Colour(_) => unreachable!("colours do not change paths"),
+    };
+    let receiver = edit.block.receiver.as_ref().map_or([0; 16], |receiver| receiver.digest());
+    Key::of(&[bytemuck::cast_slice(&numbers), &receiver])
+}
+
+/// All factors of a list; `None` when nothing in it multiplies. Light from nearer than `nearest` metres counts as from
+/// there: gather samples say no more, and steep falloffs would have no bound.
+fn factors(edits: &[&Transit], nearest: f32) -> Option<Factors> {
+    let mut factors = None;
+    for edit in edits {
+        match edit.change {
+            Change::Falloff { exponent, distance } => {
+                let all: &mut Factors = factors.get_or_insert_default();
+                all.by_distance(|d| (d.max(nearest) / distance).powf(2.0 - exponent).min(f32::MAX));
+            }
+            Change::Directionality { axis, amount, focus } => {
+                let all: &mut Factors = factors.get_or_insert_default();
+                all.by_direction(|v| {
+                    let half = 0.5 + 0.5 * v.dot(axis);
+                    1.0 + amount * ((focus + 1.0) * half.max(0.0).powf(focus) - 1.0)
+                });
+            }
+            Change::Shadow { .. } | Change::Colour(_) => {}
+        }
+    }
+    factors
+}
+
+/// The receivers that a list of edits tells apart.
+struct Receivers {
+    /// Per receiver, weights at the positions.
+    weights: Vec<Array<f32>>,
+    /// Receiver of each edit; `None` is everywhere.
+    of: Vec<Option<usize>>,
+}
+
+impl Receivers {
+    fn new(stage: &Stage, lane: &Lane, edits: &[&Transit], positions: Option<&Positions>) -> Result<Self> {
+        let mut digests = Vec::new();
+        let mut all = Self { weights: Vec::new(), of: Vec::new() };
+        for edit in edits {
+            let Some(receiver) = &edit.block.receiver else {
+                all.of.push(None);
+                continue;
+            };
+            let digest = receiver.digest();
+            let known = digests.iter().position(|known| *known == digest);
+            all.of.push(Some(known.unwrap_or(digests.len())));
+            if known.is_none() {
+                digests.push(digest);
+                all.weights.push(at_positions(stage, lane, receiver, positions)?);
+            }
+        }
+        if all.weights.len() > MOST {
+            let message =
+                format!("path edits with {} different receivers meet in one part of the light", all.weights.len());
+            return Err(Error::compute(message, format!("use at most {MOST}, or one receiver for several edits")));
+        }
+        Ok(all)
+    }
+
+    /// The edits that act in a branch: bit r says whether those of receiver r do.
+    fn edits_of<'e>(&self, edits: &[&'e Transit], branch: u32) -> Vec<&'e Transit> {
+        let acts = |receiver: &Option<usize>| receiver.is_none_or(|r| branch >> r & 1 == 1);
+        edits.iter().zip(&self.of).filter(|(_, receiver)| acts(receiver)).map(|(edit, _)| *edit).collect()
+    }
+
+    /// Where light takes a branch, and how much of it.
+    fn reach(&self, branch: u32, count: usize) -> (Vec<u32>, Vec<f32>) {
+        let weight = |i: usize| {
+            let each = self.weights.iter().enumerate();
+            each.map(|(r, w)| if branch >> r & 1 == 1 { w[i] } else { 1.0 - w[i] }).product::<f32>()
+        };
+        (0..count).map(|i| (i as u32, weight(i))).filter(|(_, weight)| *weight > 0.0).unzip()
+    }
+}
+
+/// Weights of a selection at positions of a lane.
+pub fn at_positions(
+    stage: &Stage,
+    lane: &Lane,
+    selection: &Selection,
+    positions: Option<&Positions>,
+) -> Result<Array<f32>> {
+    let weights = stage.at_view(selection)?;
+    let at = |position: usize| weights[lane.view_sample(position)];
+    Ok(match positions {
+        Some(positions) => positions.iter().map(|&position| at(position as usize)).collect::<Vec<_>>().into(),
+        None if lane.samples.is_none() => (*weights).clone(),
+        None => (0..lane.count()).map(at).collect::<Vec<_>>().into(),
+    })
+}
