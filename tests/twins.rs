@@ -333,7 +333,7 @@ fn scaled(devices: &Devices) -> Outcome {
             .collect();
         for count in 1..=5 {
             let what = format!("{rows} rows, {scales} scales, {levels} levels, {count} vectors");
-            let vectors = random.light(count * 2 << levels);
+            let vectors = random.light((2 * count) << levels);
             compare(&what, devices, ARITHMETIC, |device| {
                 scaled_product(device, &transfer, &haar, &pairs, &vectors, count)
             })?;

@@ -18,7 +18,7 @@ mod trees;
 
 #[cfg(feature = "gpu")]
 use super::sparse_product::row_pages;
-use super::{split_columns, vector_length};
+use super::vector_length;
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
 use crate::device::kernel::uniform;
@@ -165,21 +165,85 @@ impl Task<'_> {
         let table: &[Cell<K>] = cells;
         assert_eq!(table.len(), 1 << self.rows.format().index_bits, "a column has index_bits bits");
         let levels = self.scales.columns().ilog2();
-        let blocks = split_columns::<K, _>(products, BLOCK).into_par_iter().zip(self.pairs.par_chunks(BLOCK));
-        blocks.for_each_init(
-            || Factors::new(levels),
-            |factors, (mut products, pairs)| {
-                let mut done = 0;
-                for run in pairs.chunk_by(|a, b| a[1] == b[1]) {
-                    factors.fill(self.scales, Some(run[0][1] as usize).filter(|_| run[0][1] != UNSCALED));
-                    let range = done..done + run.len();
-                    let products = products.each_mut().map(|products| &mut products[range.clone()]);
-                    multiply_run::<K, SIGNED>(self.rows, table, factors, run, products);
-                    done += run.len();
-                }
-            },
-        );
+        let mut left: Vec<&mut [[f32; 4]]> = products.chunks_exact_mut(self.pairs.len()).collect();
+        for part in parts(self.pairs) {
+            let products: [&mut [[f32; 4]]; K] = std::array::from_fn(|k| {
+                let (now, later) = std::mem::take(&mut left[k]).split_at_mut(part.len());
+                left[k] = later;
+                now
+            });
+            let shared = self.shared_factors(part, levels);
+            let blocks = split_blocks(products, BLOCK).into_par_iter().zip(part.par_chunks(BLOCK));
+            blocks.for_each_init(
+                || shared.is_none().then(|| Factors::new(levels, factors::TOP)),
+                |own, (mut products, pairs)| {
+                    let mut done = 0;
+                    for run in pairs.chunk_by(|a, b| a[1] == b[1]) {
+                        let factors = match (&shared, &mut *own) {
+                            (Some(shared), _) => shared,
+                            (None, Some(own)) => {
+                                own.fill(self.scales, scale_row(run));
+                                own
+                            }
+                            (None, None) => unreachable!("made where none is shared"),
+                        };
+                        let products = products.each_mut().map(|products| &mut products[done..done + run.len()]);
+                        multiply_run::<K, SIGNED>(self.rows, table, factors, run, products);
+                        done += run.len();
+                    }
+                },
+            );
+        }
     }
+
+    /// A table of all nodes for a part that is one long run of a row of many fine wavelets.
+    fn shared_factors(&self, part: &[Pair], levels: u32) -> Option<Factors> {
+        if !is_long(part) {
+            return None;
+        }
+        let mut factors = Factors::new(levels, factors::TOP);
+        factors.fill(self.scales, scale_row(part));
+        if factors.deeper() > FINE {
+            factors = Factors::new(levels, levels);
+            factors.fill(self.scales, scale_row(part));
+        }
+        Some(factors)
+    }
+}
+
+/// Pairs of one scale row, one after another, that are worth a table of all nodes.
+const LONG: usize = 256;
+/// Wavelets below the usual table that make look-ups slow.
+const FINE: usize = 64;
+
+fn is_long(part: &[Pair]) -> bool {
+    part.len() >= LONG && part[0][1] == part[part.len() - 1][1]
+}
+
+/// Long runs, and what lies between them.
+fn parts(pairs: &[Pair]) -> Vec<&[Pair]> {
+    let (mut parts, mut start, mut end) = (Vec::new(), 0, 0);
+    for run in pairs.chunk_by(|a, b| a[1] == b[1]) {
+        if is_long(run) {
+            parts.extend([&pairs[start..end], run]);
+            start = end + run.len();
+        }
+        end += run.len();
+    }
+    parts.push(&pairs[start..end]);
+    parts.retain(|part| !part.is_empty());
+    parts
+}
+
+fn scale_row(run: &[Pair]) -> Option<usize> {
+    Some(run[0][1]).filter(|scale| *scale != UNSCALED).map(|scale| scale as usize)
+}
+
+/// Cuts K vectors of equal length into blocks: each item holds the same range of all K.
+fn split_blocks<const K: usize>(products: [&mut [[f32; 4]]; K], block: usize) -> Vec<[&mut [[f32; 4]]; K]> {
+    let count = products[0].len().div_ceil(block);
+    let mut columns = products.map(|column| column.chunks_mut(block));
+    (0..count).map(|_| columns.each_mut().map(|column| column.next().expect("equal lengths"))).collect()
 }
 
 fn multiply_run<const K: usize, const SIGNED: bool>(

@@ -4,17 +4,16 @@
 //! The mean over a node needs only the coefficients of its ancestors: `mean(child) = mean(node) +- coefficient(node) /
 //! sqrt(leaves of node)`, plus in the left child, and `mean(root) = coefficient(0) / sqrt M`. The first levels of the tree
 //! are a table of all their nodes, which fits the first-level cache; the few wavelets below them are kept in lists. So a
-//! row is ready in about a microsecond, and a look-up is a shift, a load, and now and then a short list.
+//! row is ready in about a microsecond, and a look-up is a shift, a load, and now and then a short list. A row of many fine
+//! wavelets that many pairs share gets a table of all nodes instead.
 
 use crate::transport::sparse::{EntryFormat, SparseRows};
 
 /// A factor of each channel of light, and 1 for the element that is carried along.
 pub type Factor = [f32; 4];
 
-/// Levels of the table below the root.
-const TOP: u32 = 10;
-/// Nodes of its last level.
-const LAST: usize = 1 << TOP;
+/// Levels of the table below the root, as a rule.
+pub const TOP: u32 = 10;
 
 /// A coefficient of each channel at or below the last level of the table, over the square root of its node's leaves.
 struct Wavelet {
@@ -27,25 +26,29 @@ struct Wavelet {
 
 /// The factors of one row; meant to be filled again and again.
 pub struct Factors {
-    top: Box<[Factor; 2 * LAST]>,
+    /// Levels of the table below the root.
+    levels: u32,
+    top: Vec<Factor>,
     /// As `Wavelet::detail`, of the nodes of `top` but the last level; all 0 between fillings.
-    details: Box<[Factor; LAST]>,
+    details: Vec<Factor>,
     /// By node of the last level of `top`: number of the first and the last wavelet there, from 1; 0 for none.
-    first: Box<[u32; LAST]>,
-    last: Box<[u32; LAST]>,
+    first: Vec<u32>,
+    last: Vec<u32>,
     wavelets: Vec<Wavelet>,
     /// `1 / sqrt(leaves of a node)` by level.
     per_root_leaves: Vec<f32>,
 }
 
 impl Factors {
-    /// For a tree of `1 << levels` leaves.
-    pub fn new(levels: u32) -> Self {
+    /// For a tree of `1 << levels` leaves, with a table of at most `top` levels below the root.
+    pub fn new(levels: u32, top: u32) -> Self {
+        let top = top.min(levels);
         Self {
-            top: Box::new([[1.0; 4]; 2 * LAST]),
-            details: Box::new([[0.0; 4]; LAST]),
-            first: Box::new([0; LAST]),
-            last: Box::new([0; LAST]),
+            levels: top,
+            top: vec![[1.0; 4]; 2 << top],
+            details: vec![[0.0; 4]; 1 << top],
+            first: vec![0; 1 << top],
+            last: vec![0; 1 << top],
             wavelets: Vec::new(),
             per_root_leaves: per_root_leaves(levels),
         }
@@ -54,14 +57,14 @@ impl Factors {
     /// Takes rows `3 row ..3 row + 3` (red, green, blue) in; `None`: all factors are 1.
     pub fn fill(&mut self, rows: &SparseRows, row: Option<usize>) {
         for wavelet in self.wavelets.drain(..) {
-            self.first[under(wavelet.node as usize, wavelet.level - TOP)] = 0;
+            self.first[(wavelet.node >> (wavelet.level - self.levels)) as usize & (self.last.len() - 1)] = 0;
         }
         let mut root = [1.0; 4];
         if let Some(row) = row {
             self.scatter(rows, row, &mut root);
         }
         (self.top[0], self.top[1]) = (root, root);
-        for level in 0..self.per_root_leaves.len().min(TOP as usize) {
+        for level in 0..self.levels {
             let (means, children) = self.top[1 << level..4 << level].split_at_mut(1 << level);
             let details = &mut self.details[1 << level..2 << level];
             for ((mean, children), detail) in means.iter().zip(children.as_chunks_mut().0).zip(details) {
@@ -105,7 +108,7 @@ impl Factors {
         let index = format.unpack(entry).0;
         let level = (index | 1).ilog2();
         let per_root_leaves = self.per_root_leaves[level as usize];
-        let detail = match (index, index < LAST) {
+        let detail = match (index, level < self.levels) {
             (0, _) => root,
             (_, true) => &mut self.details[index],
             (_, false) => self.deep_detail(index, level),
@@ -117,7 +120,7 @@ impl Factors {
 
     /// The place of a wavelet at or below the last level of the table.
     fn deep_detail(&mut self, node: usize, level: u32) -> &mut Factor {
-        let top = under(node, level - TOP);
+        let top = self.under(node, level);
         let number = self.wavelets.len() as u32 + 1;
         if self.first[top] == 0 {
             self.first[top] = number;
@@ -132,18 +135,29 @@ impl Factors {
     /// The factor at a node of the tree; at node 0, which stands for no light, that of the root.
     #[inline(always)]
     pub fn at(&self, node: usize) -> Factor {
-        if node < 2 * LAST {
-            return self.top[node];
+        if let Some(factor) = self.top.get(node) {
+            return *factor;
         }
         let level = node.ilog2();
-        let top = under(node, level - TOP);
+        let top = self.under(node, level);
         let first = self.first[top];
-        if first == 0 { self.top[LAST + top] } else { self.deep(node, level, top, first) }
+        if first == 0 { self.top[self.first.len() + top] } else { self.deep(node, level, top, first) }
+    }
+
+    /// The place, among the last level of the table, of the ancestor of a node of a level below.
+    #[inline(always)]
+    fn under(&self, node: usize, level: u32) -> usize {
+        (node >> (level - self.levels)) & (self.first.len() - 1)
+    }
+
+    /// Wavelets below the table.
+    pub fn deeper(&self) -> usize {
+        self.wavelets.len()
     }
 
     #[inline(never)]
     fn deep(&self, node: usize, level: u32, top: usize, first: u32) -> Factor {
-        let (mut factor, mut number) = (self.top[LAST + top], first);
+        let (mut factor, mut number) = (self.top[self.first.len() + top], first);
         while number != 0 {
             let Wavelet { detail, node: ancestor, level: above, next } = &self.wavelets[number as usize - 1];
             // A finer wavelet's shift is out of range or finds another node.
@@ -156,12 +170,6 @@ impl Factors {
         }
         factor
     }
-}
-
-/// The place, among the last level of the table, of the ancestor `levels` above a node.
-#[inline(always)]
-fn under(node: usize, levels: u32) -> usize {
-    (node >> levels) & (LAST - 1)
 }
 
 /// `1 / sqrt(leaves of a node)` by level, for a tree of `1 << levels` leaves; one for each level that has wavelets, and

@@ -131,3 +131,31 @@ fn what_does_not_fit_is_refused() {
     assert!(run(&scales, [1, 0], 16).is_err() && run(&scales, [0, 0], 8).is_err());
     assert!(run(&matrix(4, true, &[vec![], vec![], vec![]]), [0, 0], 16).is_err());
 }
+
+/// A row of many fine wavelets that many pairs share is looked up in another table.
+#[test]
+fn long_runs_give_what_short_ones_give() {
+    let mut random = Random(7);
+    let leaves = 1 << 13;
+    let (transfer, _) = made_up(&mut random, leaves, 700, 0, 100);
+    let fine = |random: &mut Random| -> Vec<(u32, f32)> {
+        let mut row: Vec<(u32, f32)> = (0..500).map(|_| (random.below(leaves) as u32, random.unit() - 0.5)).collect();
+        row.sort_by_key(|entry| entry.0);
+        row.dedup_by_key(|entry| entry.0);
+        row
+    };
+    let scales = matrix(13, true, &(0..9).map(|_| fine(&mut random)).collect::<Vec<_>>());
+    let light: Vec<[f32; 4]> = (0..2 * 2 * leaves).map(|_| [random.unit(); 4]).collect();
+    let sorted: Vec<Pair> = (0..2100).map(|p| [p % 700, [0, 1, UNSCALED, 2][(p / 540) as usize]]).collect();
+    let order: Vec<usize> = (0..2100).map(|i| i * 601 % 2100).collect();
+    let mixed: Vec<Pair> = order.iter().map(|&i| sorted[i]).collect();
+    assert!(parts(&sorted).len() == 4 && parts(&mixed).len() == 1);
+    let run = |pairs: &[Pair]| scaled_product(&Device::Cpu, &transfer, &scales, pairs, &light, 2).unwrap();
+    let (long, short) = (run(&sorted), run(&mixed));
+    for (k, (at, &i)) in (0..2).flat_map(|k| order.iter().enumerate().map(move |pair| (k, pair))) {
+        let (a, b) = (long[k * 2100 + i], short[k * 2100 + at]);
+        for c in 0..4 {
+            assert!((a[c] - b[c]).abs() <= 1e-5 * (1.0 + b[c].abs()), "pair {i}: {a:?} {b:?}");
+        }
+    }
+}

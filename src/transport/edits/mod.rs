@@ -18,9 +18,9 @@ mod transit;
 pub use brushes::{IlluminationBrush, SourceBrush};
 pub use transit::{Block, Change, Colour, Transit};
 
-use crate::Result;
 use crate::scene::Fingerprint;
 use crate::transport::{Sampled, Selection};
+use crate::{Error, Result};
 use std::sync::Arc;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -81,8 +81,12 @@ impl Edits {
     }
 
     /// # Errors
-    /// `Compute` when a selection names parts of another geometry.
+    /// `Compute` when a selection names parts of another geometry, or an edit is sampled.
     pub fn check(&self, geometry: &Fingerprint) -> Result<()> {
+        if self.sampled().next().is_some() {
+            let help = "connect the edits that they were sampled from; read_edits and write_edits take sampled ones";
+            return Err(Error::compute("the list holds sampled edits, which relight does not show yet", help));
+        }
         self.0.iter().flat_map(Edit::selections).try_for_each(|selection| selection.check(geometry))
     }
 
