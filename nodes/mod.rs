@@ -13,6 +13,7 @@ pub mod material;
 pub mod merge;
 pub mod paint;
 pub mod pick;
+pub mod read_edits;
 pub mod read_image;
 pub mod relight;
 pub mod scene;
@@ -21,6 +22,7 @@ pub mod source_brush;
 pub mod tone_map;
 pub mod transfer;
 pub mod view_samples;
+pub mod write_edits;
 pub mod write_image;
 
 use crate::params::NodeType;
@@ -41,6 +43,8 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<falloff::Falloff>(),
     NodeType::of::<indirect_shadow::IndirectShadow>(),
     NodeType::of::<directionality::Directionality>(),
+    NodeType::of::<read_edits::ReadEdits>(),
+    NodeType::of::<write_edits::WriteEdits>(),
     NodeType::of::<relight::Relight>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),

@@ -9,12 +9,15 @@ use crate::kernels::direct_light::{Lit, View, direct_light};
 use crate::node::{Facet, Info, Inputs, Job, Key, Node, Port};
 use crate::scene::light::{Source, surfaces};
 use crate::scene::{Geometry, Light, Material, SurfacePoint};
-use crate::transport::lighting::{self, Between, Lane, Shading, indirect_radiance, leaving, sum, surface_layers};
+use crate::transport::glossy::{GlossyTransfer, gloss_key, glossy_transfer};
+use crate::transport::lighting::{
+    self, Between, Gains, GlossyLanes, Lane, Leaving, Shading, indirect_radiance, leaving, sum, surface_layers,
+};
 use crate::transport::samples::reflectance;
 use crate::transport::{Edits, Transfer};
 use crate::value::{Kind, Value};
 use crate::{Error, Result, memory};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -141,7 +144,8 @@ impl Stage<'_> {
         let received = || total(gather.count(), &at_gather, |lit| &lit.irradiance);
         let leaving = leaving(&stage, received, &gather_reflectance, edits.source(), leaving_key)?;
         let diffuse = between.arriving(&Lane::diffuse(&stage), &leaving, None)?;
-        let indirect = indirect_radiance(&stage, &view_reflectance, &diffuse.light, &[], edits.eye())?;
+        let reflection = self.reflection(&between, &leaving, &gloss, &diffuse.gains)?;
+        let indirect = indirect_radiance(&stage, &view_reflectance, &diffuse.light, &reflection, edits.eye())?;
         self.job.note("lights", sources.len());
         self.job.note("edits", edits.0.len());
         self.job.note("parts_of_light", between.parts());
@@ -164,6 +168,38 @@ impl Stage<'_> {
         let layers = shading.layers().into_iter().chain(fixed.iter().cloned()).collect();
         let (width, height) = (samples.width, samples.height);
         Ok(Image { width, height, layers, metadata: vec![] })
+    }
+
+    /// Radiance that glossy surfaces reflect, at all view samples; empty when there are none.
+    fn reflection(
+        &self,
+        between: &Between,
+        leaving: &Leaving,
+        gloss: &[[f32; 4]],
+        gains: &Gains,
+    ) -> Result<Vec<[f32; 4]>> {
+        let model = self.transfer.settings.glossy;
+        let key = Key::of(&[b"glossy", &self.place.0, &gloss_key(gloss, model)]);
+        let bytes = |glossy: &Option<GlossyTransfer>| glossy.as_ref().map_or(1, GlossyTransfer::bytes);
+        let glossy = self.job.keep(key, bytes, || {
+            glossy_transfer(self.job.device, self.geometry, self.transfer, gloss, model, self.job.progress)
+        })?;
+        let Some(glossy) = glossy.as_ref() else { return Ok(Vec::new()) };
+        self.job.note("glossy_places", glossy.places());
+        self.job.note("glossy_rays", glossy.rays);
+        self.job.note("glossy_entries", glossy.rows.entries().len());
+        let lanes = GlossyLanes::new(glossy, key);
+        let [facing, grazing] =
+            lanes.lanes().map(|lane| between.arriving(&lane, leaving, Some(gains)).map(|arriving| arriving.light));
+        let (facing, grazing) = (facing?, grazing?);
+        let samples = &self.transfer.samples.points;
+        let mut reflection = vec![[0.0; 4]; samples.len()];
+        for ((&sample, facing), grazing) in glossy.samples.iter().zip(facing).zip(grazing) {
+            let [r, g, b, _] = gloss[samples[sample as usize].material as usize];
+            let light = Vec4::new(r, g, b, 0.0) * Vec4::from_array(facing) + Vec4::from_array(grazing);
+            reflection[sample as usize] = light.to_array();
+        }
+        Ok(reflection)
     }
 
     fn stage(&self) -> lighting::Stage<'_> {

@@ -65,7 +65,7 @@ impl Node for Transfer {
             Port::new("samples", Kind::Samples, "The view").reads(PLACES),
         ],
         outputs: &[Port::new("transfer", Kind::Transfer, "Gather samples and the sparse gather-to-view matrix")],
-        version: 2,
+        version: 3,
         stored: true,
         ..Info::NEW
     };

@@ -14,8 +14,8 @@ use chiaro::kernels::tone_map::Operator;
 use chiaro::kernels::transfer_points::transfer_points;
 use chiaro::kernels::transfer_rows::transfer_rows;
 use chiaro::kernels::{
-    self, average_pyramid, colour_edits, entry_ways, haar_encode, interpolate, path_product, sparse_product,
-    surroundings, tone_map,
+    self, average_pyramid, colour_edits, entry_ways, haar_encode, interpolate, path_product, scaled_product,
+    sparse_product, surroundings, tone_map,
 };
 use chiaro::scene::{Camera, Light, LightKind, Scene, SurfacePoint, builtin, light};
 use chiaro::transport::gather::Gather;
@@ -46,6 +46,7 @@ const TESTS: &[(&str, Test)] = &[
     ("interpolate", interpolation),
     ("path_product", path_products),
     ("primary_visibility", views),
+    ("scaled_product", scaled),
     ("sparse_product", products),
     ("surroundings", openness),
     ("tone_map", tones),
@@ -293,6 +294,57 @@ fn products(devices: &Devices) -> Outcome {
             let tolerance = (65504.0 * 1e-6, 1e-5);
             compare(&what, devices, tolerance, |device| sparse_product(device, &matrix, &vectors, count))?;
         }
+    }
+    Ok(())
+}
+
+fn scaled(devices: &Devices) -> Outcome {
+    let mut random = Random(19);
+    let packed = |bits, signed, lists: Vec<Vec<(u32, f32)>>| {
+        let format = EntryFormat::new(bits, signed).map_err(|error| error.to_string())?;
+        SparseRows::from_rows(format, lists.iter().map(Vec::as_slice)).map_err(|error| error.to_string())
+    };
+    for (levels, rows, scales, most, signed) in
+        [(1, 1, 1, 2, false), (3, 37, 5, 9, true), (12, 101, 40, 60, false), (16, 500, 30, 200, false)]
+    {
+        let transfer: Vec<Vec<(u32, f32)>> = (0..rows)
+            .map(|row| {
+                let length = if row % 5 == 3 { 0 } else { 1 + random.below(most) };
+                (0..length).map(|_| (random.below(2 << levels) as u32, random.unit() / length as f32)).collect()
+            })
+            .collect();
+        let haar: Vec<Vec<(u32, f32)>> = (0..3 * scales)
+            .map(|_| {
+                let length = random.below(most);
+                (0..length)
+                    .map(|_| {
+                        // Of every level alike: up to 0.3 in the field.
+                        let level = random.below(levels + 1);
+                        let index = if level == 0 { 0 } else { (1 << (level - 1)) + random.below(1 << (level - 1)) };
+                        let size = ((1 << levels) as f32 / (index as f32).max(1.0).log2().floor().exp2()).sqrt();
+                        (index as u32, (random.unit() - 0.5) * 0.6 * size)
+                    })
+                    .collect()
+            })
+            .collect();
+        let (transfer, haar) = (packed(levels as u32 + 1, signed, transfer)?, packed(levels as u32, true, haar)?);
+        let pairs: Vec<[u32; 2]> = (0..3 * rows)
+            .map(|p| {
+                let scale = if random.below(4) == 0 { u32::MAX } else { (p * scales / (3 * rows)) as u32 };
+                [random.below(rows) as u32, scale]
+            })
+            .collect();
+        for count in 1..=5 {
+            let what = format!("{rows} rows, {scales} scales, {levels} levels, {count} vectors");
+            let vectors = random.light((2 * count) << levels);
+            compare(&what, devices, ARITHMETIC, |device| {
+                scaled_product(device, &transfer, &haar, &pairs, &vectors, count)
+            })?;
+        }
+        let none: [[u32; 2]; 0] = [];
+        compare("no pairs", devices, ARITHMETIC, |device| {
+            scaled_product(device, &transfer, &haar, &none, &vec![[1.0; 4]; 2 << levels], 1)
+        })?;
     }
     Ok(())
 }

@@ -62,10 +62,10 @@ fn cpu(rows: &SparseRows, points: &[[f32; 4]], places: &[[f32; 4]]) -> Vec<u32> 
     let mut out = vec![0; rows.entries().len()];
     let mut rest = &mut out[..];
     let mut tasks = Vec::with_capacity(rows.rows());
-    for row in 0..rows.rows() {
-        let entries = &rows.entries()[rows.offsets()[row] as usize..rows.offsets()[row + 1] as usize];
+    for (row, &point) in rows.offsets().windows(2).zip(points) {
+        let entries = &rows.entries()[row[0] as usize..row[1] as usize];
         let (ways, after) = rest.split_at_mut(entries.len());
-        tasks.push((entries, ways, position(points[row])));
+        tasks.push((entries, ways, position(point)));
         rest = after;
     }
     tasks.into_par_iter().with_min_len(64).for_each(|(entries, ways, point)| {

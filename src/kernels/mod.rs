@@ -15,6 +15,7 @@ pub mod hidden_rows;
 pub mod interpolate;
 pub mod path_product;
 pub mod primary_visibility;
+pub mod scaled_product;
 mod shared {
     pub mod credit;
 }
@@ -30,6 +31,7 @@ pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
 pub use interpolate::interpolate;
 pub use path_product::path_product;
+pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
 pub use surroundings::surroundings;
 pub use tone_map::tone_map;
@@ -62,6 +64,7 @@ pub const ALL: &[&Kernel] = &[
     &interpolate::KERNEL,
     &path_product::KERNEL,
     &primary_visibility::KERNEL,
+    &scaled_product::KERNEL,
     &sparse_product::KERNEL,
     &surroundings::KERNEL,
     &tone_map::KERNEL,

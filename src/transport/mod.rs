@@ -11,6 +11,7 @@ pub mod lighting;
 mod pack;
 pub mod precompute;
 pub mod rows;
+pub mod sampled;
 pub mod samples;
 pub mod sampling;
 pub mod selection;
@@ -22,6 +23,7 @@ pub mod transfer;
 pub mod ways;
 
 pub use edits::{Edit, Edits};
+pub use sampled::Sampled;
 pub use samples::Samples;
 pub use selection::Selection;
 pub use sparse::SparseRows;

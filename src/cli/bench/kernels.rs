@@ -21,6 +21,9 @@ pub fn run(device: &Device) {
     ] {
         product(device, rows, entries, EntryFormat { index_bits, signed }, count);
     }
+    for (pairs, scales, count) in [(45_000, 1, 1), (45_000, 15_000, 1), (45_000, 45_000, 1), (45_000, 15_000, 4)] {
+        scaled(device, pairs, scales, count);
+    }
     for count in [1, 4] {
         vectors(device, count);
     }
@@ -37,10 +40,19 @@ fn stream() {
     });
 }
 
-/// A row's columns as transfer has them: coarse nodes, a neighbourhood that it shares with the rows beside it, and a
-/// quarter of its entries anywhere; sorted.
 fn product(device: &Device, rows: usize, entries: usize, format: EntryFormat, count: usize) {
     let mut random = Random(7);
+    let matrix = transfer(&mut random, rows, entries, format);
+    let vectors: Vec<[f32; 4]> = (0..count * format.columns()).map(|_| [random.unit(); 4]).collect();
+    let name = format!("sparse_product {rows} x {entries}, {count} vectors");
+    time(&name, matrix.bytes() as usize, || {
+        black_box(kernels::sparse_product(device, &matrix, &vectors, count).expect("fits"));
+    });
+}
+
+/// A row's columns as transfer has them: coarse nodes, a neighbourhood that it shares with the rows beside it, and a
+/// quarter of its entries anywhere; sorted.
+fn transfer(random: &mut Random, rows: usize, entries: usize, format: EntryFormat) -> SparseRows {
     let last_weight = format.max_weight() as u32;
     let mut packed = Vec::with_capacity(rows * entries);
     for row in 0..rows {
@@ -59,11 +71,35 @@ fn product(device: &Device, rows: usize, entries: usize, format: EntryFormat, co
         packed.extend(row.iter().map(|(column, weight)| column << (32 - format.index_bits) | weight));
     }
     let offsets: Vec<u32> = (0..=rows).map(|row| (row * entries) as u32).collect();
-    let matrix = SparseRows::new(offsets, packed, vec![1e-4; rows], format).expect("made to fit");
+    SparseRows::new(offsets, packed, vec![1e-4; rows], format).expect("made to fit")
+}
+
+/// Transfer rows scaled by sampled edits of 100 coefficients, half of them coarse, the others anywhere along the finest
+/// edges of what was selected.
+fn scaled(device: &Device, pairs: usize, scales: usize, count: usize) {
+    let (entries, leaves) = (632, 1u32 << 16);
+    let mut random = Random(9);
+    let format = EntryFormat::new(17, false).expect("17 bits");
+    let matrix = transfer(&mut random, pairs.min(30_000), entries, format);
+    let mut coefficients = Vec::new();
+    let haar = EntryFormat::new(16, true).expect("16 bits");
+    let rows: Vec<Vec<(u32, f32)>> = (0..3 * scales)
+        .map(|row| {
+            if row % 3 == 0 {
+                coefficients = (0..50).chain((50..100).map(|_| random.below(leaves))).collect();
+                coefficients.sort_unstable();
+            }
+            coefficients.iter().map(|&index| (index, random.unit())).collect()
+        })
+        .collect();
+    let rows = SparseRows::from_rows(haar, rows.iter().map(Vec::as_slice)).expect("made to fit");
+    let transfer_rows = matrix.rows();
+    let pairs: Vec<[u32; 2]> =
+        (0..pairs).map(|p| [(p * transfer_rows / pairs) as u32, (p * scales / pairs) as u32]).collect();
     let vectors: Vec<[f32; 4]> = (0..count * format.columns()).map(|_| [random.unit(); 4]).collect();
-    let name = format!("sparse_product {rows} x {entries}, {count} vectors");
-    time(&name, matrix.bytes() as usize, || {
-        black_box(kernels::sparse_product(device, &matrix, &vectors, count).expect("fits"));
+    let name = format!("scaled_product {} x {entries}, {scales} scales, {count} vectors", pairs.len());
+    time(&name, 4 * entries * pairs.len() + rows.bytes() as usize, || {
+        black_box(kernels::scaled_product(device, &matrix, &rows, &pairs, &vectors, count).expect("fits"));
     });
 }
 

@@ -18,9 +18,9 @@ mod transit;
 pub use brushes::{IlluminationBrush, SourceBrush};
 pub use transit::{Block, Change, Colour, Transit};
 
-use crate::Result;
 use crate::scene::Fingerprint;
-use crate::transport::Selection;
+use crate::transport::{Sampled, Selection};
+use crate::{Error, Result};
 use std::sync::Arc;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,6 +31,7 @@ pub enum Edit {
     Source(SourceBrush),
     Transit(Transit),
     Eye(IlluminationBrush),
+    Sampled(Arc<Sampled>),
 }
 
 impl Edit {
@@ -40,6 +41,7 @@ impl Edit {
             Self::Source(brush) => [&brush.selection, &None],
             Self::Transit(transit) => [&transit.block.caster, &transit.block.receiver],
             Self::Eye(brush) => [&brush.selection, &None],
+            Self::Sampled(_) => [&None, &None],
         };
         a.iter().chain(b)
     }
@@ -50,6 +52,7 @@ impl Edit {
             Self::Source(brush) => brush.changes_nothing(),
             Self::Transit(transit) => transit.change.changes_nothing(),
             Self::Eye(brush) => brush.changes_nothing(),
+            Self::Sampled(sampled) => sampled.changes_nothing(),
         }
     }
 }
@@ -73,14 +76,22 @@ impl Edits {
         self.0.iter().filter_map(|edit| if let Edit::Eye(brush) = edit { Some(brush) } else { None })
     }
 
+    pub fn sampled(&self) -> impl Iterator<Item = &Arc<Sampled>> {
+        self.0.iter().filter_map(|edit| if let Edit::Sampled(sampled) = edit { Some(sampled) } else { None })
+    }
+
     /// # Errors
-    /// `Compute` when a selection names parts of another geometry.
+    /// `Compute` when a selection names parts of another geometry, or an edit is sampled.
     pub fn check(&self, geometry: &Fingerprint) -> Result<()> {
+        if self.sampled().next().is_some() {
+            let help = "connect the edits that they were sampled from; read_edits and write_edits take sampled ones";
+            return Err(Error::compute("the list holds sampled edits, which relight does not show yet", help));
+        }
         self.0.iter().flat_map(Edit::selections).try_for_each(|selection| selection.check(geometry))
     }
 
     pub fn bytes(&self) -> u64 {
         let each = |edit: &Edit| 128 + edit.selections().map(|selection| selection.bytes()).sum::<u64>();
-        self.0.iter().map(each).sum()
+        self.0.iter().map(each).sum::<u64>() + self.sampled().map(|sampled| sampled.bytes()).sum::<u64>()
     }
 }

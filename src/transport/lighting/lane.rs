@@ -8,6 +8,7 @@ use crate::kernels::{average_pyramid, entry_ways, interpolate};
 use crate::memo::Key;
 use crate::memory;
 use crate::transport::SparseRows;
+use crate::transport::glossy::GlossyTransfer;
 use crate::transport::sparse::EntryFormat;
 use crate::transport::transfer::Basis;
 use rayon::prelude::*;
@@ -47,7 +48,7 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// Samples.
+    /// Samples of the lane.
     pub fn count(&self) -> usize {
         self.indices.len()
     }
@@ -55,6 +56,38 @@ impl<'a> Lane<'a> {
     /// View sample of a sample of the lane.
     pub fn view_sample(&self, sample: usize) -> usize {
         self.samples.map_or(sample, |samples| samples[sample] as usize)
+    }
+}
+
+/// The two lanes of glossy receivers: light to be multiplied by F0, and light of the Fresnel part.
+pub struct GlossyLanes<'a> {
+    glossy: &'a GlossyTransfer,
+    key: Key,
+    row_samples: Vec<u32>,
+}
+
+impl<'a> GlossyLanes<'a> {
+    /// `key` names the glossy transfer.
+    pub fn new(glossy: &'a GlossyTransfer, key: Key) -> Self {
+        // Two rows a place.
+        let row_samples = glossy.place_samples.iter().flat_map(|&sample| [sample, sample]).collect();
+        Self { glossy, key, row_samples }
+    }
+
+    pub fn lanes(&self) -> [Lane<'_>; 2] {
+        [0, 1].map(|part| {
+            let rows: Vec<[u32; 4]> =
+                self.glossy.indices.iter().map(|four| four.map(|place| 2 * place + part)).collect();
+            Lane {
+                rows: &self.glossy.rows,
+                row_samples: &self.row_samples,
+                samples: Some(&self.glossy.samples),
+                indices: rows.into(),
+                weights: self.glossy.weights.clone(),
+                sees_through: false,
+                key: Key::of(&[b"glossy lane", &self.key.0, &part.to_le_bytes()]),
+            }
+        })
     }
 }
 

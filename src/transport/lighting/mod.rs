@@ -17,7 +17,7 @@ mod paths;
 mod transit;
 
 pub use exitance::{Leaving, leaving};
-pub use lane::Lane;
+pub use lane::{GlossyLanes, Lane};
 pub use layers::{Shading, indirect_radiance, sum, surface_layers};
 pub use transit::{Arriving, Between, Gains};
 
