@@ -23,7 +23,7 @@ pub enum ToneCurve {
     /// A smooth curve through two or more points `[luminance in, luminance out]` in rising order; between two points it
     /// never overshoots, beyond the ends it goes on straight. There is no light to scale at luminance 0, so a curve that
     /// does not start there falls to it over the last thousandth of the way from its first point.
-    Points(Vec<[f32; 2]>),
+    Points(#[schemars(length(min = 2))] Vec<[f32; 2]>),
 }
 
 fn one() -> f32 {
