@@ -39,13 +39,17 @@ impl Indirect {
     pub fn new(light: &SceneLight, edits: &Edits) -> Result<Self> {
         let stage = light.stage;
         edits.check(&stage.geometry.fingerprint)?;
+        for sampled in edits.sampled() {
+            let key = Key::of(&[b"checked", &stage.place.0, &sampled.digest()]);
+            stage.memo.remember(key, |()| 1, || sampled.check(stage.geometry, stage.transfer))?;
+        }
         let between = Between::new(stage, edits)?;
         let reflectance = light.gather_reflectance()?;
         let received = light.at_gather()?;
-        let leaving = leaving(stage, || received, &reflectance, edits.source(), light.key())?;
+        let leaving = leaving(stage, || received, &reflectance, edits, light.key())?;
         let diffuse = between.arriving(&Lane::diffuse(stage), &leaving, None)?;
         let (reflection, glossy) = reflection(light, &between, &leaving, &diffuse.gains)?;
-        let radiance = indirect_radiance(stage, &*light.view_reflectance()?, &diffuse.light, &reflection, edits.eye())?;
+        let radiance = indirect_radiance(stage, &*light.view_reflectance()?, &diffuse.light, &reflection, edits)?;
         let told = Told { parts: between.parts(), empty_casters: between.empty_casters(), glossy };
         Ok(Self { leaving, irradiance: diffuse.light, gains: diffuse.gains, reflection, radiance, told })
     }
