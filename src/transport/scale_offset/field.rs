@@ -1,5 +1,6 @@
 //! What edits make of light between one row and each node of the gather tree, as a field that `Row` can be made of.
 
+use super::importance::Importance;
 use crate::Result;
 use crate::kernels::average_pyramid;
 use crate::memo::Key;
@@ -98,8 +99,11 @@ pub struct PathField<'a> {
     pub gains: Vec<f32>,
     /// Where the row is.
     pub point: Vec3,
-    /// Relative change of the field that a piece may have.
+    /// Relative change of the field that a piece may have, when all of the row's light comes from it; with the square
+    /// root of its share less.
     pub slack: f32,
+    /// What the row receives from each node; `None` for a row of many places.
+    pub importance: Option<&'a mut Importance>,
     /// Per node: how much the colour part of the class varies in it.
     pub variation: &'a [f32],
 }
@@ -172,10 +176,23 @@ impl PathField<'_> {
     }
 }
 
+/// The share of a node where it is not known.
+const MIDDLING: f32 = 0.01;
+/// A node that sends less than that is one piece whatever is in it.
+const UNSEEN: f32 = 1e-6;
+
 impl Field for PathField<'_> {
     fn constant(&mut self, node: usize) -> Option<Vec3> {
-        let even = self.senders.is_pure[node] && self.variation[node] <= self.slack && self.bend(node) <= self.slack;
-        even.then(|| self.value(node))
+        let share = self.importance.as_ref().map_or(MIDDLING, |importance| importance.share(node));
+        let limit = self.slack / share.max(1e-6).sqrt();
+        let varies = if self.senders.is_pure[node] { self.variation[node] + self.bend(node) } else { f32::INFINITY };
+        if varies <= limit || (share < UNSEEN && self.importance.is_some()) {
+            return Some(self.value(node));
+        }
+        if let Some(importance) = &mut self.importance {
+            importance.enter(node);
+        }
+        None
     }
 
     fn leaf(&mut self, node: usize) -> Vec3 {

@@ -2,6 +2,7 @@
 
 use super::classes::Touched;
 use super::field::{PathField, Senders, Step};
+use super::importance::Importance;
 use super::shadows::Uncovered;
 use super::split::Split;
 use super::{Cost, Settings, rgb};
@@ -79,47 +80,73 @@ impl<'a> Middle<'a> {
         let count = stage.transfer.gather.count();
         let (slots, weights, making) = self.slots(stage);
         let classes = 0..self.touched.classes.len() as u32;
-        let slack = (0.1 * (settings.tolerance / 0.01).sqrt()).clamp(0.001, 0.5);
+        // As many pieces as there may be coefficients, each a linear ramp: its error is its range over sqrt(12).
+        let slack = settings.tolerance * (6.0 / settings.coefficients as f32).sqrt();
         let variation: Vec<Vec<f32>> = classes.into_par_iter().map(|class| self.colours(class).variation()).collect();
-        let field = |number: usize| {
-            let Making { class, transfer_row, sample } = making[number];
-            let gain = |gains: &Option<Array<f32>>| gains.as_ref().map_or(1.0, |gains| gains[sample as usize]);
-            let place = transfer_row.map_or(sample, |row| stage.transfer.row_samples[row as usize]);
-            PathField {
-                senders: &self.senders,
-                steps: &self.steps,
-                weights: &self.touched.classes[class as usize].weights,
-                gains: self.gains.iter().map(gain).collect(),
-                point: stage.transfer.samples.points[place as usize].position.into(),
-                slack,
-                variation: &variation[class as usize],
-            }
-        };
         let (kept, short) = (AtomicU64::new(0), AtomicU64::new(0));
-        let truncate = |row: &mut Row| {
-            let left = row.truncate(settings.tolerance, settings.coefficients);
+        let truncate = |row: &mut Row, importance: Option<&Importance>| {
+            let weight = |node: usize| {
+                let span = count >> node.ilog2();
+                importance.map_or(1.0, |importance| importance.share(node) / span as f32 * count as f32)
+            };
+            let left = row.truncate_by(settings.tolerance, settings.coefficients, weight);
             kept.fetch_add(left.coefficients as u64, Ordering::Relaxed);
             short.fetch_add(u64::from(left.error > 1.0001 * settings.tolerance), Ordering::Relaxed);
         };
-        let scales = row::rows(count, making.len(), |number, row| {
-            row.fill(count, &mut field(number));
-            truncate(row);
+        let scales = row::rows(count, making.len(), Importance::default, |number, importance, row| {
+            let making = making[number];
+            let Some(transfer_row) = making.transfer_row else {
+                row.fill(count, &mut self.field(stage, making, slack, &variation, None));
+                truncate(row, None);
+                return Ok(());
+            };
+            importance.load(count, stage.transfer.rows.row(transfer_row as usize));
+            row.fill(count, &mut self.field(stage, making, slack, &variation, Some(importance)));
+            truncate(row, Some(importance));
             Ok(())
         })?;
         let offsets = match self.uncovered.is_empty() {
             true => None,
-            false => Some(row::rows(count, making.len(), |number, row| {
-                if let Some(transfer_row) = making[number].transfer_row {
-                    let field = field(number);
-                    self.uncovered.iter().for_each(|more| more.add(&field, transfer_row as usize, row));
-                    truncate(row);
-                }
-                Ok(())
-            })?),
+            false => Some(row::rows(
+                count,
+                making.len(),
+                || (),
+                |number, (), row| {
+                    if let Some(transfer_row) = making[number].transfer_row {
+                        let field = self.field(stage, making[number], slack, &variation, None);
+                        self.uncovered.iter().for_each(|more| more.add(&field, transfer_row as usize, row));
+                        truncate(row, None);
+                    }
+                    Ok(())
+                },
+            )?),
         };
         let (coefficients, cut_short) = (kept.into_inner(), short.into_inner());
         let cost = Cost { rows: making.len(), coefficients, cut_short, ..Cost::default() };
         Ok((Rows { touched: self.touched.samples.clone(), slots, weights, scales, offsets }, cost))
+    }
+
+    /// The field of a row; `variation`: of each class.
+    fn field<'b>(
+        &'b self,
+        stage: &Stage,
+        Making { class, transfer_row, sample }: Making,
+        slack: f32,
+        variation: &'b [Vec<f32>],
+        importance: Option<&'b mut Importance>,
+    ) -> PathField<'b> {
+        let gain = |gains: &Option<Array<f32>>| gains.as_ref().map_or(1.0, |gains| gains[sample as usize]);
+        let place = transfer_row.map_or(sample, |row| stage.transfer.row_samples[row as usize]);
+        PathField {
+            senders: &self.senders,
+            steps: &self.steps,
+            weights: &self.touched.classes[class as usize].weights,
+            gains: self.gains.iter().map(gain).collect(),
+            point: stage.transfer.samples.points[place as usize].position.into(),
+            slack,
+            importance,
+            variation: &variation[class as usize],
+        }
     }
 
     /// The colour part of a class: what does not depend on where a row is.
@@ -131,6 +158,7 @@ impl<'a> Middle<'a> {
             gains: vec![1.0; self.steps.len()],
             point: glam::Vec3::NAN,
             slack: 0.0,
+            importance: None,
             variation: &[],
         }
     }

@@ -12,6 +12,7 @@
 
 mod classes;
 mod field;
+mod importance;
 mod middle;
 mod shadows;
 mod split;
@@ -33,7 +34,7 @@ use std::sync::Arc;
 pub struct Settings {
     /// Haar coefficients of a row, at most.
     pub coefficients: usize,
-    /// L2 norm of what a row leaves out over that of the row.
+    /// L2 norm of what a row leaves out over that of the row, weighted by what the row receives.
     pub tolerance: f32,
 }
 
