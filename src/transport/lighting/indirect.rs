@@ -46,13 +46,17 @@ impl Indirect {
             let help = "add a light node and connect it to the scene, or give a material emission";
             return Err(Error::compute("the scene has no light: no lamp, and no surface that emits", help));
         }
+        for sampled in edits.sampled() {
+            let key = Key::of(&[b"checked", &stage.place.0, &sampled.digest()]);
+            stage.memo.remember(key, |()| 1, || sampled.check(stage.geometry, stage.transfer))?;
+        }
         let between = Between::new(stage, edits)?;
         let reflectance = light.gather_reflectance()?;
         let received = light.at_gather()?;
-        let leaving = leaving(stage, || received, &reflectance, edits.source(), light.key())?;
+        let leaving = leaving(stage, || received, &reflectance, edits, light.key())?;
         let diffuse = between.arriving(&Lane::diffuse(stage), &leaving, None)?;
         let (reflection, glossy) = reflection(light, &between, &leaving, &diffuse.gains)?;
-        let radiance = indirect_radiance(stage, &*light.view_reflectance()?, &diffuse.light, &reflection, edits.eye())?;
+        let radiance = indirect_radiance(stage, &*light.view_reflectance()?, &diffuse.light, &reflection, edits)?;
         bounded(&radiance, edits)?;
         let told = Told { parts: between.parts(), idle: idle(stage, edits)?, glossy };
         Ok(Self { leaving, irradiance: diffuse.light, gains: diffuse.gains, reflection, radiance, told })

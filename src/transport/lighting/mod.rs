@@ -22,10 +22,11 @@ mod paths;
 mod scene_light;
 mod transit;
 
-pub use exitance::{Leaving, leaving};
+pub use exitance::{Leaving, leaving, source_vectors};
 pub use indirect::{Indirect, Told};
 pub use lane::{GlossyLanes, Lane};
 pub use layers::{Shading, indirect_radiance, sum, surface_layers};
+pub use paths::Paths;
 pub use scene_light::SceneLight;
 pub use transit::{Arriving, Between, Gains};
 
