@@ -28,7 +28,7 @@ pub struct Middle<'a> {
     steps: Vec<Step>,
     /// Of each step with a curve: its gain at each view sample.
     gains: Vec<Option<Array<f32>>>,
-    touched: Touched,
+    touched: Arc<Touched>,
     senders: Senders,
     uncovered: Vec<Uncovered>,
 }
