@@ -49,7 +49,7 @@ impl Node for Directionality {
     }
 
     fn run(&self, inputs: &Inputs, _: &Job) -> Result<Vec<Value>> {
-        if Vec3::from(self.axis).try_normalize().is_none() {
+        if self.axis() == Vec3::ZERO {
             let message = format!("axis {:?} has no direction", self.axis);
             return Err(Error::compute(message, "give the direction towards the light, such as [1, 0, 0]"));
         }
@@ -62,7 +62,12 @@ impl Node for Directionality {
 
 impl Directionality {
     fn change(&self) -> Change {
-        let axis = Vec3::from(self.axis).normalize_or_zero();
-        Change::Directionality { axis, amount: self.amount, focus: self.focus }
+        Change::Directionality { axis: self.axis(), amount: self.amount, focus: self.focus }
+    }
+
+    /// Of unit length, also where squares of its parts are beyond f32; 0 where it has no direction.
+    fn axis(&self) -> Vec3 {
+        let axis = Vec3::from(self.axis);
+        (axis / axis.abs().max_element().max(f32::MIN_POSITIVE)).normalize_or_zero()
     }
 }

@@ -90,10 +90,9 @@ pub fn stage<'a>(inputs: &Inputs, job: &'a Job, geometry: &'a Geometry, transfer
 }
 
 fn tell(job: &Job, light: &SceneLight, edits: &Edits, told: &Told) {
-    if told.empty_casters > 0 {
-        let empty = told.empty_casters;
-        tracing::warn!("{empty} casters hold no gather sample, so their edits change nothing: raise gather_samples");
-        job.note("casters_without_gather_samples", empty);
+    told.idle.iter().for_each(|line| tracing::warn!("{line}"));
+    if !told.idle.is_empty() {
+        job.note("edits_without_effect", told.idle.clone());
     }
     if let Some([places, rays, entries]) = told.glossy {
         job.note("glossy_places", places);

@@ -113,6 +113,25 @@ fn direct_light_is_within_three_percent_and_half_of_that_with_many_samples() {
     }
 }
 
+/// At default settings but for samples: the box has an upright edge within its object, red on one side and dark on the
+/// other, whose pixels the plate has filtered. With one sample a pixel, that edge alone is nine tenths of the error.
+#[test]
+fn light_from_the_red_wall_alone_is_within_five_percent() {
+    let Some([scene, _, _, from_red]) = data("light_from_the_red_wall_alone_is_within_five_percent") else {
+        return;
+    };
+    let stage = Stage::new(&scene);
+    let others: Vec<&str> = MATERIALS.into_iter().filter(|name| *name != "red").collect();
+    let errors = [1, 2].map(|samples| {
+        let alone = stage.lit(json!({ "samples_per_pixel": samples }), json!({}), &others);
+        let error = error(&alone, "indirect", &from_red, "Diffuse Indirect");
+        println!("light from red, {samples} samples a pixel: {:.2} %", 100.0 * error);
+        error
+    });
+    assert!(errors[1] <= 0.035, "{errors:?}");
+    assert!(errors[0] <= 0.09, "{errors:?}");
+}
+
 #[test]
 fn casters_sum_to_the_whole_and_red_light_comes_from_red_alone() {
     let Some([scene, bounce1, _, from_red]) = data("casters_sum_to_the_whole_and_red_light_comes_from_red_alone")

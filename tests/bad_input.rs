@@ -274,7 +274,12 @@ fn what_does_not_fit_together_is_2_and_names_the_nearest() {
         ("/nodes/bleed/params/brightness", json!({ "keys": [[1, 0], [1, 1]] }), &["\"brightness\"", "sort the keys"]),
         ("/nodes/bleed/params/brightness", json!({ "keys": [] }), &["\"brightness\"", "at least one key"]),
         ("/nodes/bleed/params/curve", json!({ "points": [[0, null]] }), &["\"curve\""]),
-        ("/nodes/bleed/params/curve", json!({ "points": [[0, 1e39]] }), &["\"curve\"", "too large"]),
+        ("/nodes/bleed/params/curve", json!({ "points": [[0, 1e39], [1, 1]] }), &["\"curve\"", "too large"]),
+        ("/nodes/bleed/params/curve", json!({ "points": [[0.5, 1]] }), &["\"curve\"", "too short"]),
+        ("/nodes/bleed/params/curve", json!({ "points": [] }), &["\"curve\"", "too short"]),
+        ("/nodes/bleed/params/brightness", json!(1e30), &["\"brightness\"", "too large"]),
+        ("/nodes/bleed/params/brightness", json!(-1), &["\"brightness\"", "-1 is too small"]),
+        ("/nodes/bleed/params/saturation", json!(-0.5), &["\"saturation\"", "too small"]),
     ] {
         let mut words = words.to_vec();
         words.push("recipe.json:");
@@ -384,6 +389,142 @@ fn strokes_that_partly_miss_are_painted_counted_and_warned_of() {
         let paint = report["nodes"].as_array().unwrap().iter().find(|node| node["node"] == "pick").unwrap();
         assert_eq!((&paint["notes"]["points"], &paint["notes"]["points_off_surfaces"]), (&json!(points), &json!(off)));
     }
+}
+
+/// The recipe with one more edit after the first.
+fn edited(kind: &str, params: Json, inputs: Json) -> Bench {
+    let mut inputs = inputs;
+    inputs["edits"] = "bleed".into();
+    Bench::room()
+        .set("/nodes/more", json!({ "type": kind, "params": params, "inputs": inputs }))
+        .set("/nodes/lit/inputs/edits", json!("more"))
+}
+
+#[test]
+fn edits_out_of_range_are_2() {
+    for (kind, params, words) in [
+        ("source_brush", json!({ "scale": 1e30 }), &["\"scale\"", "too large"][..]),
+        ("source_brush", json!({ "scale": -1 }), &["\"scale\"", "-1 is too small"]),
+        ("source_brush", json!({ "offset": [0, -1, 0] }), &["\"offset\"", "-1 is too small"]),
+        ("source_brush", json!({ "offset": [0, 1] }), &["\"offset\"", "too short"]),
+        ("illumination_brush", json!({ "scale": 1e30 }), &["\"scale\"", "too large"]),
+        ("illumination_brush", json!({ "saturation": -1 }), &["\"saturation\"", "too small"]),
+        ("illumination_brush", json!({ "hue": 400 }), &["\"hue\"", "360"]),
+        ("falloff", json!({ "exponent": 90 }), &["\"exponent\"", "90 is too large"]),
+        ("falloff", json!({ "exponent": -90 }), &["\"exponent\"", "-90 is too small"]),
+        ("falloff", json!({ "distance": 0 }), &["\"distance\"", "too small"]),
+        ("indirect_shadow", json!({ "amount": -0.5 }), &["\"amount\"", "too small"]),
+        ("indirect_shadow", json!({ "amount": 1.5 }), &["\"amount\"", "too large"]),
+        ("directionality", json!({ "amount": 2 }), &["\"amount\"", "too large"]),
+        ("directionality", json!({ "focus": 1e30 }), &["\"focus\"", "too large"]),
+        ("directionality", json!({ "axis": [1, 0] }), &["\"axis\"", "too short"]),
+    ] {
+        let bench = edited(kind, params, json!({}));
+        bench.refused(2, words);
+        let mut check = assert_cmd::Command::cargo_bin("chiaro").unwrap();
+        check.arg("check").arg(bench.path("recipe.json")).assert().code(2);
+    }
+}
+
+#[test]
+fn edits_that_make_no_sense_are_1_and_say_what_to_do() {
+    let line = |points: Json| edited("caster_receiver", json!({ "curve": { "points": points } }), json!({}));
+    line(json!([[0, 0], [1, 1], [0.5, 2]])).refused(1, &["\"more\"", "[0.5, 2.0]", "right of [1.0, 1.0]"]);
+    line(json!([[0, -1], [1, 1]])).refused(1, &["\"more\"", "curve", "-1"]);
+    line(json!([[0, 0], [1e-44, 1]])).refused(1, &["\"more\"", "curve", "too close together"]);
+    let side = |axis: Json| edited("directionality", json!({ "axis": axis, "amount": 0.5 }), json!({}));
+    side(json!([0, 0, 0])).refused(1, &["\"more\"", "axis", "no direction", "such as"]);
+    for axis in [json!([1e30, 0, 1e30]), json!([0, 1e-30, 0])] {
+        let bench = side(axis);
+        assert_eq!(bench.run(&bench.recipe.to_string(), &[]).status.code(), Some(0));
+    }
+    // Each in range; all together beyond what a float holds.
+    let mut bench = Bench::room();
+    for number in 0..14 {
+        let before = if number == 0 { "bleed".to_owned() } else { format!("more_{}", number - 1) };
+        let node =
+            json!({ "type": "caster_receiver", "params": { "brightness": 1000 }, "inputs": { "edits": before } });
+        bench = bench.set(&format!("/nodes/more_{number}"), node);
+    }
+    bench.set("/nodes/lit/inputs/edits", json!("more_13")).refused(1, &["\"lit\"", "too large", "lower the factors"]);
+    let steep = edited("falloff", json!({ "exponent": -4, "distance": 1e-6 }), json!({}));
+    let steeper =
+        json!({ "type": "falloff", "params": { "exponent": -4, "distance": 1e-6 }, "inputs": { "edits": "more" } });
+    steep
+        .set("/nodes/steeper", steeper)
+        .set("/nodes/lit/inputs/edits", json!("steeper"))
+        .refused(1, &["\"lit\"", "too large", "falloff"]);
+    let stage = json!({ "type": "scene", "params": { "file": "builtin:room" } });
+    let other = json!({ "type": "pick", "inputs": { "scene": "stage" } });
+    for (kind, params, port) in [
+        ("falloff", json!({ "exponent": 1 }), "caster"),
+        ("indirect_shadow", json!({}), "receiver"),
+        ("directionality", json!({ "amount": 0.5 }), "receiver"),
+        ("source_brush", json!({ "scale": 2 }), "selection"),
+        ("illumination_brush", json!({ "scale": 2 }), "selection"),
+        ("caster_receiver", json!({ "hue": 20 }), "caster"),
+    ] {
+        let bench = edited(kind, params, json!({ port: "other" }));
+        let bench = bench.set("/nodes/stage", stage.clone()).set("/nodes/other", other.clone());
+        bench.refused(1, &["\"lit\"", "another scene", "connect the same scene"]);
+    }
+}
+
+/// Where nothing is selected, or nothing of it is in view, the picture stays and the report names the edit.
+#[test]
+fn edits_without_effect_are_named_and_the_picture_stays() {
+    let plain = Bench::room();
+    assert_eq!(plain.run(&plain.recipe.to_string(), &[]).status.code(), Some(0));
+    let expected = std::fs::read(plain.path("out.exr")).unwrap();
+    for (kind, params, port, why) in [
+        ("caster_receiver", json!({ "brightness": 3 }), "caster", "no gather sample"),
+        ("caster_receiver", json!({ "curve": { "gamma": { "gamma": 2 } } }), "receiver", "in view"),
+        ("falloff", json!({ "exponent": 1 }), "caster", "no gather sample"),
+        ("falloff", json!({ "exponent": 1 }), "receiver", "in view"),
+        ("indirect_shadow", json!({}), "caster", "no gather sample"),
+        ("indirect_shadow", json!({}), "receiver", "in view"),
+        ("directionality", json!({ "amount": 0.5 }), "receiver", "in view"),
+        ("source_brush", json!({ "offset": [1, 1, 1] }), "selection", "no gather sample"),
+        ("illumination_brush", json!({ "hue": 90 }), "selection", "in view"),
+    ] {
+        let bench = edited(kind, params, json!({ port: "nothing" }));
+        let bench = bench.set("/nodes/nothing", json!({ "type": "paint", "inputs": { "scene": "room" } }));
+        let report = bench.path("report.json");
+        // The recipe is written into the picture: its pixels are compared.
+        let output = bench.run(&bench.recipe.to_string(), &["--report", report.to_str().unwrap()]);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        let line = format!("edit 2 of 2 ({kind}) changes nothing here");
+        assert!(said.contains(&line) && said.contains(why), "{said}");
+        let report: Json = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+        let lit = report["nodes"].as_array().unwrap().iter().find(|node| node["node"] == "lit").unwrap();
+        let named = lit["notes"]["edits_without_effect"].as_array().unwrap();
+        assert!(named.len() == 1 && named[0].as_str().unwrap().starts_with(&line), "{named:?}");
+        assert_eq!(pixels(&std::fs::read(bench.path("out.exr")).unwrap()), pixels(&expected), "{kind}.{port}");
+    }
+}
+
+/// Of an EXR that was just written.
+fn pixels(bytes: &[u8]) -> Vec<(String, Vec<u32>)> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("picture.exr");
+    std::fs::write(&path, bytes).unwrap();
+    let image = chiaro::image::exr_read::read(&path).unwrap();
+    let bits = |layer: &Layer| layer.data.iter().map(|x| x.to_bits()).collect();
+    image.layers.iter().map(|layer| (layer.name.clone(), bits(layer))).collect()
+}
+
+/// A surface that is made to send light is a lamp: no other is needed.
+#[test]
+fn a_scene_without_lamps_is_lit_by_a_source_brush() {
+    let dark = Glb::room().without("/nodes/3/extensions");
+    let glow = json!({ "type": "source_brush", "params": { "offset": [2, 1, 0] }, "inputs": { "selection": "pick" } });
+    let bench = Bench::new(&dark).set("/nodes/bleed", glow);
+    let output = bench.run(&bench.recipe.to_string(), &[]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let layers = pixels(&std::fs::read(bench.path("out.exr")).unwrap());
+    let (_, indirect) = layers.iter().find(|(name, _)| name == "indirect").unwrap();
+    assert!(indirect.iter().any(|bits| f32::from_bits(*bits) > 0.01));
 }
 
 #[cfg(target_os = "linux")]

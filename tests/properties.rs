@@ -1,6 +1,10 @@
 //! What must hold for any picture: of edits, of lights, of keys and caches (here), of transfers (`properties/transfer`)
 //! and of small functions on any input (`properties/numbers`).
 
+#[path = "properties/edit_keys.rs"]
+mod edit_keys;
+#[path = "properties/edits.rs"]
+mod edits;
 #[path = "properties/glossy.rs"]
 mod glossy;
 #[path = "properties/hidden.rs"]
@@ -11,6 +15,8 @@ mod lights;
 mod materials;
 #[path = "properties/numbers.rs"]
 mod numbers;
+#[path = "properties/path_edits.rs"]
+mod path_edits;
 #[path = "support/room.rs"]
 mod room;
 #[path = "properties/transfer.rs"]

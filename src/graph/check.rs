@@ -129,7 +129,17 @@ fn explain(error: &ValidationError) -> Complaint {
                     .iter()
                     .any(|inner| matches!(inner.kind, E::Type { .. }) && inner.instance_path == error.instance_path)
             };
-            match context.iter().find(|errors| !typed(errors) && errors.iter().all(|inner| choices(inner).is_empty())) {
+            // An alternative that misses a field of its own is hardly the one that was meant.
+            let meant = |errors: &Vec<ValidationError>| {
+                let misses = |inner: &ValidationError| {
+                    matches!(inner.kind, E::Required { .. }) && inner.instance_path == error.instance_path
+                };
+                !errors.iter().any(misses)
+            };
+            let fits =
+                |errors: &&Vec<ValidationError>| !typed(errors) && errors.iter().all(|inner| choices(inner).is_empty());
+            let mut fitting = context.iter().filter(fits);
+            match fitting.clone().find(|errors| meant(errors)).or_else(|| fitting.next()) {
                 _ if !offered.is_empty() && value.is_string() => explain_choice(error, &offered),
                 Some(errors) if !errors.is_empty() => explain(&errors[0]),
                 _ => match context.iter().flatten().next() {

@@ -6,7 +6,7 @@
 //! little more than the first. Soft casters are cut by weight: `b` of the light is in, `1 - b` is not, which is the
 //! expansion of the product of `1 + b (M - 1)` over the edits.
 
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 
 /// Above this, edits overlap in more ways than memory should be spent on.
 pub const MOST: usize = 1024;
@@ -21,10 +21,12 @@ pub struct Atoms {
 
 /// `casters`: weights in [0, 1] at `count` samples, one list per distinct caster.
 ///
-/// Errors: more than `MOST` atoms.
+/// Errors: more than `MOST` atoms, or more than fit into memory.
 pub fn split(count: usize, casters: &[Vec<f32>]) -> Result<Atoms> {
     let mut atoms: Vec<(Vec<usize>, Vec<f32>)> = vec![(Vec::new(), vec![1.0; count])];
     for (number, weights) in casters.iter().enumerate() {
+        let (bytes, what) = (12 * (atoms.len() * count) as u64, format!("{} parts of the light", 2 * atoms.len()));
+        memory::require(bytes, &what, "use fewer overlapping casters in one list of edits, or fewer gather_samples")?;
         let mut next = Vec::new();
         for (inside, shares) in atoms {
             let cut = |part: &dyn Fn(f32) -> f32| -> Vec<f32> {

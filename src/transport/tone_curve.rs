@@ -20,9 +20,10 @@ pub enum ToneCurve {
         #[schemars(range(min = 1e-6, max = 1e6))]
         pivot: f32,
     },
-    /// A smooth curve through points `[luminance in, luminance out]` in rising order; between two points it never
-    /// overshoots, beyond the ends it goes on straight.
-    Points(Vec<[f32; 2]>),
+    /// A smooth curve through two or more points `[luminance in, luminance out]` in rising order; between two points it
+    /// never overshoots, beyond the ends it goes on straight. There is no light to scale at luminance 0, so a curve that
+    /// does not start there falls to it over the last thousandth of the way from its first point.
+    Points(#[schemars(length(min = 2))] Vec<[f32; 2]>),
 }
 
 fn one() -> f32 {
@@ -34,6 +35,9 @@ fn one() -> f32 {
 fn per_decade(power: f32) -> i32 {
     (5.0 * power).ceil().max(6.0) as i32
 }
+
+/// Part of the way from a curve's first point to luminance 0 over which it falls to nothing.
+const FADE: f32 = 1.0 / 1024.0;
 
 /// Decades that the table reaches to either side of the pivot: what it holds stays within f32.
 fn decades(power: f32) -> i32 {
@@ -49,13 +53,19 @@ impl ToneCurve {
                 None
             }
             Self::Gamma { gamma, pivot } => Some(format!("gamma {gamma} and pivot {pivot} must be above 0")),
-            Self::Points(points) if points.is_empty() => Some("a curve needs at least one point".into()),
+            Self::Points(points) if points.len() < 2 => {
+                Some(format!("it has {} of the two or more points that a curve needs", points.len()))
+            }
             Self::Points(points) => {
                 if let Some(bad) = points.iter().find(|p| !p.iter().all(|x| x.is_finite() && *x >= 0.0)) {
                     return Some(format!("point {bad:?} is not a pair of numbers from 0 up"));
                 }
-                let falls = points.windows(2).find(|pair| pair[0][0] >= pair[1][0])?;
-                Some(format!("point {:?} does not lie right of {:?}", falls[1], falls[0]))
+                if let Some(falls) = points.windows(2).find(|pair| pair[0][0] >= pair[1][0]) {
+                    return Some(format!("point {:?} does not lie right of {:?}", falls[1], falls[0]));
+                }
+                let knots = self.knots();
+                let steep = knots.iter().find(|knot| !(knot.y.is_finite() && knot.slope.is_finite()))?;
+                Some(format!("points about {} lie too close together: the curve is too steep for numbers", steep.x))
             }
         }
     }
@@ -67,15 +77,14 @@ impl ToneCurve {
             Self::Gamma { gamma, pivot } => {
                 let power = 1.0 / gamma;
                 let (step, reach) = (per_decade(power), decades(power) * per_decade(power));
-                (-reach..=reach)
-                    .map(|i| {
-                        let x = pivot * 10f32.powf(i as f32 / step as f32);
-                        let y = pivot * (x / pivot).powf(power);
-                        Knot::new(x, y, power * y / x)
-                    })
-                    .collect()
+                let table = (-reach..=reach).map(|i| {
+                    let x = pivot * 10f32.powf(i as f32 / step as f32);
+                    let y = pivot * (x / pivot).powf(power);
+                    Knot::new(x, y, power * y / x)
+                });
+                from_nothing(table.collect())
             }
-            Self::Points(points) => monotone(points),
+            Self::Points(points) => from_nothing(monotone(points)),
         }
     }
 }
@@ -83,9 +92,6 @@ impl ToneCurve {
 /// Slopes that keep each piece between its ends (Fritsch and Carlson 1980, with the harmonic mean of Fritsch and
 /// Butland 1984).
 fn monotone(points: &[[f32; 2]]) -> Vec<Knot> {
-    if let [[x, y]] = points {
-        return vec![Knot::new(*x, *y, if *x > 0.0 { y / x } else { 1.0 })];
-    }
     let secant: Vec<f32> = points.windows(2).map(|p| (p[1][1] - p[0][1]) / (p[1][0] - p[0][0])).collect();
     let slope = |i: usize| match (i.checked_sub(1).map(|i| secant[i]), secant.get(i)) {
         (Some(a), Some(&b)) if a * b > 0.0 => {
@@ -101,9 +107,42 @@ fn monotone(points: &[[f32; 2]]) -> Vec<Knot> {
     points.iter().enumerate().map(|(i, [x, y])| Knot::new(*x, *y, slope(i))).collect()
 }
 
+/// A curve is a gain on light, and where it is above 0 at luminance 0, the gain has no bound: light that fades out would
+/// stay, and then go all at once. Two knots more bring such a curve to 0 in time.
+fn from_nothing(mut knots: Vec<Knot>) -> Vec<Knot> {
+    let [first, second] = [knots[0], knots[1]];
+    let at = FADE * if first.x > 0.0 { first.x } else { second.x };
+    let y = first.y + (at - first.x) * first.slope;
+    let lifts_black = first.y - first.x * first.slope > 0.0;
+    if !lifts_black || at <= 0.0 || y <= 0.0 {
+        return knots;
+    }
+    let secant = y / at;
+    let slope = (2.0 * secant - first.slope).min(3.0 * secant);
+    knots.splice(..usize::from(first.x <= 0.0), [Knot::new(0.0, 0.0, slope), Knot::new(at, y, first.slope)]);
+    knots
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn curves_that_lift_black_start_from_nothing() {
+        for points in [vec![[0.0, 0.5], [1.0, 1.0]], vec![[0.5, 0.5], [1.0, 0.25]], vec![[0.25, 1.0], [1.0, 1.25]]] {
+            let knots = ToneCurve::Points(points.clone()).knots();
+            assert_eq!((knots[0].x, knots[0].y), (0.0, 0.0), "{knots:?}");
+            assert!(knots.windows(2).all(|pair| pair[0].x < pair[1].x), "{knots:?}");
+            assert!(
+                points.iter().skip(usize::from(points[0][0] == 0.0)).all(|p| knots.iter().any(|k| [k.x, k.y] == *p))
+            );
+        }
+        let through = ToneCurve::Points(vec![[0.0, 0.0], [1.0, 3.0]]);
+        assert_eq!(through.knots().len(), 2, "nothing to add");
+        let lift = ToneCurve::Gamma { gamma: 2.0, pivot: 1.0 }.knots();
+        assert_eq!((lift[0].x, lift[0].y), (0.0, 0.0));
+        assert!(ToneCurve::Gamma { gamma: 0.5, pivot: 1.0 }.knots()[0].x > 0.0, "falls to 0 by itself");
+    }
 
     #[test]
     fn straight_points_make_a_straight_line() {
@@ -121,6 +160,8 @@ mod tests {
     fn faults_are_named() {
         for bad in [
             ToneCurve::Points(vec![]),
+            ToneCurve::Points(vec![[1.0, 2.0]]),
+            ToneCurve::Points(vec![[0.0, 0.0], [1e-45, 1.0]]),
             ToneCurve::Points(vec![[1.0, 0.0], [1.0, 1.0]]),
             ToneCurve::Points(vec![[0.0, f32::NAN]]),
             ToneCurve::Gamma { gamma: 0.0, pivot: 1.0 },

@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use crate::transfer::cuboid;
 
-fn room(with_block: bool) -> Geometry {
+pub fn room(with_block: bool) -> Geometry {
     let mut builder = GeometryBuilder::default();
     // The wall is an object of its own: no cell at its edge takes a sample of another.
     for (name, faces) in [("wall", 4..5), ("room", 0..4), ("room", 5..6)] {
@@ -44,7 +44,7 @@ fn walls(builder: &mut GeometryBuilder, name: &str, faces: std::ops::Range<usize
     builder.add(object, &mesh, Mat4::from_scale(Vec3::new(3.0, 2.0, 4.0))).unwrap();
 }
 
-fn transfer(geometry: &Geometry, basis: Basis) -> Transfer {
+pub fn transfer(geometry: &Geometry, basis: Basis) -> Transfer {
     let camera = Camera::look_at("eye", Vec3::new(-1.5, 0.8, 3.5), Vec3::new(0.3, -0.5, -1.0), 1.2);
     let samples = Samples::view(&Device::Cpu, geometry, &camera, (24, 18), 1).unwrap();
     let settings = Settings {

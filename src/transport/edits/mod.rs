@@ -36,6 +36,21 @@ pub enum Edit {
 }
 
 impl Edit {
+    /// The node type that makes such edits.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Source(_) => "source_brush",
+            Self::Transit(transit) => match transit.change {
+                Change::Colour(_) => "caster_receiver",
+                Change::Falloff { .. } => "falloff",
+                Change::Shadow { .. } => "indirect_shadow",
+                Change::Directionality { .. } => "directionality",
+            },
+            Self::Eye(_) => "illumination_brush",
+            Self::Sampled(_) => "scale_offset",
+        }
+    }
+
     /// All that it is limited to.
     pub fn selections(&self) -> impl Iterator<Item = &Arc<Selection>> {
         let [a, b] = match self {

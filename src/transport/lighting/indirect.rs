@@ -1,11 +1,13 @@
 //! Indirect light of a view with a list of edits, from end to end of its path.
 
+use super::idle::idle;
 use super::{Between, Gains, GlossyLanes, Lane, Leaving, SceneLight, indirect_radiance, leaving};
-use crate::Result;
 use crate::memo::Key;
 use crate::transport::Edits;
 use crate::transport::glossy::{GlossyTransfer, gloss_key, glossy_transfer};
-use glam::Vec4;
+use crate::{Error, Result};
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 pub struct Indirect {
@@ -27,21 +29,26 @@ pub struct Indirect {
 pub struct Told {
     /// Parts that the light was split into.
     pub parts: usize,
-    /// Casters that hold no gather sample.
-    pub empty_casters: usize,
+    /// Edits that change nothing in this view, and why.
+    pub idle: Vec<String>,
     /// Places of glossy rows, and their rays and entries.
     pub glossy: Option<[u64; 3]>,
 }
 
 impl Indirect {
     /// # Errors
-    /// Selections of another geometry, too little memory, `Cancelled`.
+    /// No light at all, or more than numbers hold; selections of another geometry; too little memory; `Cancelled`.
     pub fn new(light: &SceneLight, edits: &Edits) -> Result<Self> {
         let stage = light.stage;
         edits.check(&stage.geometry.fingerprint)?;
         for sampled in edits.sampled() {
             let key = Key::of(&[b"checked", &stage.place.0, &sampled.digest()]);
             stage.memo.remember(key, |()| 1, || sampled.check(stage.geometry, stage.transfer))?;
+        }
+        let glows = edits.source().any(|brush| brush.offset != Vec3::ZERO) || edits.sampled().next().is_some();
+        if light.sources() == 0 && !glows {
+            let help = "add a light node and connect it to the scene, or give a material emission";
+            return Err(Error::compute("the scene has no light: no lamp, and no surface that emits", help));
         }
         let between = Between::new(stage, edits)?;
         let reflectance = light.gather_reflectance()?;
@@ -50,9 +57,28 @@ impl Indirect {
         let diffuse = between.arriving(&Lane::diffuse(stage), &leaving, None)?;
         let (reflection, glossy) = reflection(light, &between, &leaving, &diffuse.gains)?;
         let radiance = indirect_radiance(stage, &*light.view_reflectance()?, &diffuse.light, &reflection, edits)?;
-        let told = Told { parts: between.parts(), empty_casters: between.empty_casters(), glossy };
+        bounded(&radiance, edits)?;
+        let told = Told { parts: between.parts(), idle: idle(stage, edits)?, glossy };
         Ok(Self { leaving, irradiance: diffuse.light, gains: diffuse.gains, reflection, radiance, told })
     }
+}
+
+/// Leaves room to add direct light and the samples of a pixel up.
+const LARGEST: f32 = 1e36;
+
+fn bounded(radiance: &[[f32; 4]], edits: &Edits) -> Result<()> {
+    // Written so that NaN is out of bounds, too.
+    let is_beyond = |light: &&[f32; 4]| !light[..3].iter().all(|x| x.abs() <= LARGEST);
+    let beyond = radiance.par_iter().with_min_len(4096).filter(is_beyond).count();
+    if beyond == 0 {
+        return Ok(());
+    }
+    let help = match edits.0.is_empty() {
+        true => "lower the intensity of lights and the emission of materials",
+        false => "lower the factors of the edits (brightness, scale, falloff far from its distance) or the lights",
+    };
+    let message = format!("indirect light is too large for numbers at {beyond} of {} view samples", radiance.len());
+    Err(Error::compute(message, help))
 }
 
 /// Radiance that glossy surfaces reflect, at all view samples, and what it took; empty when there are none.

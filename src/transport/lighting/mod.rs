@@ -7,12 +7,14 @@
 //! paths     B' -> light at some samples, by way of falloff, direction and what is in between
 //! transit   the list of edits between casters and receivers, in order
 //! indirect  all of these, end to end
+//! idle      edits that change nothing here
 //! layers    irradiance -> radiance to the camera, illumination brushes, layers of a picture
 //! ```
 //!
 //! Every step keeps what it made under a key of what that was made from, so that a slider costs what it changes.
 
 mod exitance;
+mod idle;
 mod indirect;
 mod lane;
 mod layers;

@@ -19,10 +19,13 @@ use crate::transport::{Sampled, Selection, SparseRows};
 use crate::{Error, Result};
 use glam::Vec4;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Different receivers of path edits that may meet in one part of the light: each doubles the work.
-const MOST: usize = 8;
+/// Different receivers of path edits that may act on one part of the light.
+const MOST: usize = 128;
+/// Soft ones of these that may meet at one sample: each doubles the work there.
+const MOST_SOFT: usize = 8;
 
 /// Share of each gather sample's light, and what names it; `None` is all of the light.
 pub type Shares<'a> = Option<(&'a [f32], Key)>;
@@ -47,14 +50,10 @@ impl Paths<'_> {
             let count = positions.map_or(self.lane.count(), |positions| positions.len());
             let receivers = Receivers::new(self.stage, self.lane, edits, positions)?;
             let mut total = vec![[0.0; 4]; count];
-            for branch in 0..1 << receivers.weights.len() {
+            for (branch, (places, weights)) in receivers.branches(count)? {
                 let chosen: Vec<&Transit> = receivers.edits_of(edits, branch);
-                let (places, weights) = receivers.reach(branch, count);
                 if places.len() == count && weights.iter().all(|&weight| weight == 1.0) {
                     return self.branch(&chosen, positions);
-                }
-                if places.is_empty() {
-                    continue;
                 }
                 let lane_places: Vec<u32> =
                     places.iter().map(|&i| positions.map_or(i, |positions| positions[i as usize])).collect();
@@ -257,25 +256,47 @@ impl Receivers {
         }
         if all.weights.len() > MOST {
             let message =
-                format!("path edits with {} different receivers meet in one part of the light", all.weights.len());
+                format!("path edits with {} different receivers act on one part of the light", all.weights.len());
             return Err(Error::compute(message, format!("use at most {MOST}, or one receiver for several edits")));
         }
         Ok(all)
     }
 
     /// The edits that act in a branch: bit r says whether those of receiver r do.
-    fn edits_of<'e>(&self, edits: &[&'e Transit], branch: u32) -> Vec<&'e Transit> {
+    fn edits_of<'e>(&self, edits: &[&'e Transit], branch: u128) -> Vec<&'e Transit> {
         let acts = |receiver: &Option<usize>| receiver.is_none_or(|r| branch >> r & 1 == 1);
         edits.iter().zip(&self.of).filter(|(_, receiver)| acts(receiver)).map(|(edit, _)| *edit).collect()
     }
 
-    /// Where light takes a branch, and how much of it.
-    fn reach(&self, branch: u32, count: usize) -> (Vec<u32>, Vec<f32>) {
-        let weight = |i: usize| {
-            let each = self.weights.iter().enumerate();
-            each.map(|(r, w)| if branch >> r & 1 == 1 { w[i] } else { 1.0 - w[i] }).product::<f32>()
-        };
-        (0..count).map(|i| (i as u32, weight(i))).filter(|(_, weight)| *weight > 0.0).unzip()
+    /// The branches that light takes at some sample: where, and how much of it.
+    fn branches(&self, count: usize) -> Result<BTreeMap<u128, (Vec<u32>, Vec<f32>)>> {
+        let mut branches: BTreeMap<u128, (Vec<u32>, Vec<f32>)> = BTreeMap::new();
+        let mut soft: Vec<(usize, f32)> = Vec::with_capacity(MOST_SOFT);
+        for i in 0..count {
+            let mut always = 0u128;
+            soft.clear();
+            for (r, weight) in self.weights.iter().map(|weights| weights[i]).enumerate() {
+                match weight {
+                    1.0.. => always |= 1 << r,
+                    weight if weight > 0.0 => soft.push((r, weight)),
+                    _ => {}
+                }
+            }
+            if soft.len() > MOST_SOFT {
+                let message = format!("soft receivers of {} path edits meet at one point", soft.len());
+                return Err(Error::compute(message, format!("let at most {MOST_SOFT} overlap, or harden their edges")));
+            }
+            for choice in 0..1u32 << soft.len() {
+                let takes = |j: usize| choice >> j & 1 == 1;
+                let branch =
+                    soft.iter().enumerate().filter(|(j, _)| takes(*j)).fold(always, |all, (_, (r, _))| all | 1 << r);
+                let share = soft.iter().enumerate().map(|(j, (_, w))| if takes(j) { *w } else { 1.0 - w }).product();
+                let (places, weights) = branches.entry(branch).or_default();
+                places.push(i as u32);
+                weights.push(share);
+            }
+        }
+        Ok(branches)
     }
 }
 

@@ -31,7 +31,7 @@ pub struct Direct {
 
 impl<'a> SceneLight<'a> {
     /// # Errors
-    /// A scene without light; materials that are not the geometry's; too little memory.
+    /// Materials that are not the geometry's; too little memory.
     pub fn new(
         stage: &'a Stage<'a>,
         materials: &'a [Material],
@@ -46,10 +46,6 @@ impl<'a> SceneLight<'a> {
             return Err(Error::compute(message, "connect the same scene to the transfer and to this node"));
         }
         let sources: Vec<Source> = lights.iter().map(Light::source).chain(surfaces(geometry, materials)).collect();
-        if sources.is_empty() {
-            let help = "add a light node and connect it to the scene, or give a material emission";
-            return Err(Error::compute("the scene has no light: no lamp, and no surface that emits", help));
-        }
         // Of each source at view and gather samples, twice where it shines; and about eight layers.
         let samples = transfer.samples.points.len() + transfer.gather.count();
         let bytes = VEC4 * (2 * sources.len() as u64 + 8) * samples as u64;

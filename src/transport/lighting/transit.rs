@@ -65,11 +65,6 @@ impl<'a> Between<'a> {
         self.atoms.shares.len()
     }
 
-    /// How many casters no gather sample lies in.
-    pub fn empty_casters(&self) -> usize {
-        self.atoms.members.iter().filter(|members| members.is_empty()).count()
-    }
-
     /// The edited light at all samples of a lane. Samples that no edit's receiver holds keep every bit of the whole.
     /// `gains`: of the curves, where they were found already, at the diffuse lane.
     pub fn arriving(&self, lane: &Lane, leaving: &Leaving, gains: Option<&Gains>) -> Result<Arriving> {
