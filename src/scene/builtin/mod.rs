@@ -6,8 +6,10 @@ mod room;
 
 use crate::scene::Scene;
 
+type Make = fn() -> Scene;
+
 /// Of each: its name and what makes it.
-const SCENES: &[(&str, fn() -> Scene)] = &[("hall", hall::hall), ("room", room::room)];
+const SCENES: &[(&str, Make)] = &[("hall", hall::hall), ("room", room::room)];
 
 pub fn names() -> impl Iterator<Item = &'static str> {
     SCENES.iter().map(|(name, _)| *name)
