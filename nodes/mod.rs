@@ -16,6 +16,7 @@ pub mod pick;
 pub mod read_edits;
 pub mod read_image;
 pub mod relight;
+pub mod scale_offset;
 pub mod scene;
 pub mod select;
 pub mod source_brush;
@@ -45,6 +46,7 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<directionality::Directionality>(),
     NodeType::of::<read_edits::ReadEdits>(),
     NodeType::of::<write_edits::WriteEdits>(),
+    NodeType::of::<scale_offset::ScaleOffset>(),
     NodeType::of::<relight::Relight>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),

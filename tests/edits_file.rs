@@ -8,7 +8,7 @@ mod made_up;
 mod room;
 
 use chiaro::device::Device;
-use chiaro::transport::sampled::apply::{Plan, irradiance};
+use chiaro::transport::sampled::apply::{Plan, Slots, irradiance};
 use chiaro::transport::sampled::{self, Sampled};
 use chiaro::transport::{SparseRows, Transfer};
 use chiaro::value::Value;
@@ -304,7 +304,7 @@ fn another_language_gets_our_number() {
         (0..512u32).map(|g| [0.5 + random(g), 1.0 + random(g + 1000), 2.0 * random(g + 2000), 1.0]).collect();
     let mut edited = exitance.clone();
     all.source.apply(&mut edited, 1);
-    let plan = Plan::new(all, transfer).unwrap();
+    let plan = Plan::new(&Slots::diffuse(all, transfer), transfer).unwrap();
     let arriving = irradiance(&Device::Cpu, transfer, all, &plan, &edited, 1).unwrap();
     let reflectance = [0.5, 0.3, 0.8];
     let mut leaving: Vec<[f32; 4]> = arriving

@@ -9,7 +9,7 @@ mod sampled;
 use chiaro::device::{Choice, Device};
 use chiaro::kernels::{average_pyramid, haar_decode};
 use chiaro::scene::Geometry;
-use chiaro::transport::sampled::apply::{Plan, irradiance};
+use chiaro::transport::sampled::apply::{Plan, Slots, irradiance};
 use chiaro::transport::sampled::{Parts, UNTOUCHED, Vectors};
 use chiaro::transport::{Edit, Edits, Sampled, SparseRows, Transfer};
 use chiaro::value::Value;
@@ -41,7 +41,7 @@ fn flat(light: &[[f32; 4]]) -> Vec<f32> {
 }
 
 fn apply(device: &Device, transfer: &Transfer, sampled: &Sampled, light: &[[f32; 4]], count: usize) -> Vec<[f32; 4]> {
-    let plan = Plan::new(sampled, transfer).unwrap();
+    let plan = Plan::new(&Slots::diffuse(sampled, transfer), transfer).unwrap();
     irradiance(device, transfer, sampled, &plan, light, count).unwrap()
 }
 
@@ -224,7 +224,9 @@ fn a_transfer_of_basis_haar_cannot_be_edited_so() {
         "transport": { "type": "transfer", "params": haar, "inputs": { "scene": "room", "samples": "view" } }
     }));
     let sampled = Sampled::new(untouched(&geometry, &transfer)).unwrap();
-    assert!(Plan::new(&sampled, &transfer).is_err_and(|error| error.help().contains("cut")));
+    assert!(
+        Plan::new(&Slots::diffuse(&sampled, &transfer), &transfer).is_err_and(|error| error.help().contains("cut"))
+    );
 }
 
 #[test]

@@ -14,6 +14,7 @@ pub mod rows;
 pub mod sampled;
 pub mod samples;
 pub mod sampling;
+pub mod scale_offset;
 pub mod selection;
 pub mod sides;
 pub mod sparse;

@@ -10,7 +10,8 @@
 //! eye      L' = brushes(L)               indirect radiance from a surface to the camera, after its reflectance
 //! ```
 //!
-//! `Sampled` edits (eqs. 5.2 to 5.5) act at all three.
+//! `Sampled` edits (eqs. 5.2 to 5.5) act at all three: at the source after the brushes of the list, in transit before its
+//! other edits, at the eye in the order of the list.
 
 mod brushes;
 mod transit;
@@ -81,11 +82,12 @@ impl Edits {
     }
 
     /// # Errors
-    /// `Compute` when a selection names parts of another geometry, or an edit is sampled.
+    /// `Compute` when a selection names parts of another geometry, or more than one edit is sampled.
     pub fn check(&self, geometry: &Fingerprint) -> Result<()> {
-        if self.sampled().next().is_some() {
-            let help = "connect the edits that they were sampled from; read_edits and write_edits take sampled ones";
-            return Err(Error::compute("the list holds sampled edits, which relight does not show yet", help));
+        let sampled = self.sampled().count();
+        if sampled > 1 {
+            let help = "connect one of them, or sample all of their edits together with scale_offset";
+            return Err(Error::compute(format!("the list holds {sampled} sampled edits, which do not stack"), help));
         }
         self.0.iter().flat_map(Edit::selections).try_for_each(|selection| selection.check(geometry))
     }

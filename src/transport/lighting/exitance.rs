@@ -3,6 +3,7 @@
 use super::Stage;
 use crate::Result;
 use crate::memo::Key;
+use crate::transport::Edits;
 use crate::transport::edits::SourceBrush;
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
@@ -17,21 +18,27 @@ pub struct Leaving {
 
 /// `irradiance`: makes direct light at the gather samples; `reflectance`: theirs; both M elements, named by `key`.
 ///
-/// With brushes `B -> s B + o` (thesis Algorithm 5), reflectance `r` and bounces `T` (thesis 3.1.1):
+/// Sampled edits act on the sum of all bounces. With brushes `B -> s B + o` (thesis Algorithm 5), reflectance `r` and bounces `T` (thesis 3.1.1):
 /// `B' = B_0 + B_1 + ...`, `B_0 = s r E + o`, `B_n = s r T B_(n-1)`. As many bounces as the transfer has beyond its last.
-pub fn leaving<'a>(
+pub fn leaving(
     stage: &Stage,
     irradiance: impl FnOnce() -> Vec<[f32; 4]>,
     reflectance: &[[f32; 4]],
-    brushes: impl Iterator<Item = &'a SourceBrush>,
+    edits: &Edits,
     key: Key,
 ) -> Result<Arc<Leaving>> {
-    let brushes: Vec<&SourceBrush> = brushes.collect();
+    let brushes: Vec<&SourceBrush> = edits.source().collect();
+    let sampled = edits.sampled().next();
     let key = brushes.iter().fold(key, |key, brush| Key::of(&[&key.0, &digest(brush)]));
+    let key = sampled.map_or(key, |sampled| Key::of(&[b"sampled", &key.0, &sampled.digest()]));
     let bytes = |leaving: &Leaving| super::VEC4 * leaving.exitance.len() as u64;
     stage.memo.remember(key, bytes, || {
         let brushes = Brushes::new(stage, &brushes, reflectance.len())?;
-        Ok(Leaving { exitance: exitance(stage, &irradiance(), reflectance, &brushes)?, key })
+        let mut exitance = exitance(stage, &irradiance(), reflectance, &brushes)?;
+        if let Some(sampled) = sampled {
+            sampled.source.apply(&mut exitance, 1);
+        }
+        Ok(Leaving { exitance, key })
     })
 }
 
@@ -57,6 +64,13 @@ fn exitance(
 
 fn add(a: [f32; 4], b: Vec4) -> [f32; 4] {
     (Vec4::from_array(a) + b).to_array()
+}
+
+/// All source brushes of a list as one scale and offset of each gather sample; for one bounce, `B' = scale B + offset`.
+pub fn source_vectors(stage: &Stage, edits: &Edits) -> Result<(Vec<f32>, Vec<Vec3>)> {
+    let brushes: Vec<&SourceBrush> = edits.source().collect();
+    let Brushes { scale, offset } = Brushes::new(stage, &brushes, stage.transfer.gather.count())?;
+    Ok((scale, offset))
 }
 
 fn digest(brush: &SourceBrush) -> [u8; 16] {

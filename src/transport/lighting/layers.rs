@@ -2,40 +2,62 @@
 
 use super::Stage;
 use crate::Result;
+use crate::device::Array;
 use crate::image::{Content, Layer};
-use crate::transport::Samples;
-use crate::transport::edits::IlluminationBrush;
+use crate::transport::{Edit, Edits, Sampled, Samples};
 use glam::{Mat3, Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
 
 /// Indirect radiance from each view sample to the camera: `reflectance / pi * irradiance + reflection`, then the brushes
-/// in order (thesis Algorithm 6); N elements. `reflection`: radiance of glossy receivers, empty for none.
-pub fn indirect_radiance<'a>(
+/// and what is sampled of such, in order (thesis Algorithm 6); N elements. `reflection`: radiance of glossy receivers, empty for none.
+pub fn indirect_radiance(
     stage: &Stage,
     reflectance: &[[f32; 4]],
     irradiance: &[[f32; 4]],
     reflection: &[[f32; 4]],
-    brushes: impl Iterator<Item = &'a IlluminationBrush>,
+    edits: &Edits,
 ) -> Result<Vec<[f32; 4]>> {
-    let brushes: Vec<(Mat3, Option<_>)> = brushes
-        .map(|brush| {
-            let weights = brush.selection.as_ref().map(|selection| stage.at_view(selection)).transpose()?;
-            Ok((brush.matrix(), weights))
-        })
-        .collect::<Result<_>>()?;
+    let mut changes = Vec::new();
+    for edit in &edits.0 {
+        match edit {
+            Edit::Eye(brush) => {
+                let weights = brush.selection.as_ref().map(|selection| stage.at_view(selection)).transpose()?;
+                changes.push(AtEye::Brush(brush.matrix(), weights));
+            }
+            Edit::Sampled(sampled) => changes.push(AtEye::Sampled(sampled)),
+            Edit::Source(_) | Edit::Transit(_) => {}
+        }
+    }
     let radiance = |i: usize| {
         let reflected = reflection.get(i).map_or(Vec3::ZERO, |light| rgb(*light));
         let mut light = rgb(reflectance[i]) * rgb(irradiance[i]) * FRAC_1_PI + reflected;
-        for (matrix, weights) in &brushes {
-            let weight = weights.as_ref().map_or(1.0, |weights| weights[i]);
-            if weight > 0.0 {
-                light += (*matrix * light - light) * weight;
-            }
-        }
+        changes.iter().for_each(|change| light = change.apply(i, light));
         light.extend(0.0).to_array()
     };
     Ok((0..irradiance.len()).into_par_iter().with_min_len(TILE).map(radiance).collect())
+}
+
+/// A change of radiance on its way to the camera.
+enum AtEye<'a> {
+    Brush(Mat3, Option<Arc<Array<f32>>>),
+    Sampled(&'a Sampled),
+}
+
+impl AtEye<'_> {
+    fn apply(&self, sample: usize, light: Vec3) -> Vec3 {
+        match self {
+            Self::Brush(matrix, weights) => {
+                let weight = weights.as_ref().map_or(1.0, |weights| weights[sample]);
+                if weight > 0.0 { light + (*matrix * light - light) * weight } else { light }
+            }
+            Self::Sampled(sampled) => {
+                let at = |vector: &Option<Array<[f32; 4]>>| vector.as_ref().map(|vector| rgb(vector[sample]));
+                light * at(&sampled.eye.scale).unwrap_or(Vec3::ONE) + at(&sampled.eye.offset).unwrap_or(Vec3::ZERO)
+            }
+        }
+    }
 }
 
 /// What is known at each view sample when all light is there; N each.

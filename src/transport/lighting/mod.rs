@@ -1,24 +1,31 @@
 //! From lights to the light of view samples, with edits: the mathematics of the preview (thesis 4.5, 5.5.1).
 //!
 //! ```text
+//! scene_light  light sources at view and gather samples
 //! exitance  direct light at gather samples -> B', bounces and source brushes included
 //! lane      one transfer matrix and the samples that its rows give light to
 //! paths     B' -> light at some samples, by way of falloff, direction and what is in between
 //! transit   the list of edits between casters and receivers, in order
+//! indirect  all of these, end to end
 //! layers    irradiance -> radiance to the camera, illumination brushes, layers of a picture
 //! ```
 //!
 //! Every step keeps what it made under a key of what that was made from, so that a slider costs what it changes.
 
 mod exitance;
+mod indirect;
 mod lane;
 mod layers;
 mod paths;
+mod scene_light;
 mod transit;
 
-pub use exitance::{Leaving, leaving};
+pub use exitance::{Leaving, leaving, source_vectors};
+pub use indirect::{Indirect, Told};
 pub use lane::{GlossyLanes, Lane};
 pub use layers::{Shading, indirect_radiance, sum, surface_layers};
+pub use paths::Paths;
+pub use scene_light::SceneLight;
 pub use transit::{Arriving, Between, Gains};
 
 use crate::Result;

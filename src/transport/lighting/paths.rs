@@ -12,11 +12,13 @@ use crate::kernels::{path_product, sparse_product};
 use crate::memo::Key;
 use crate::transport::edits::{Change, Transit};
 use crate::transport::hidden::{Hidden, LAYERS, hidden_rows};
+use crate::transport::sampled::apply::{self, Plan, Slots};
 use crate::transport::transfer::Basis;
 use crate::transport::ways::Factors;
-use crate::transport::{Selection, SparseRows};
+use crate::transport::{Sampled, Selection, SparseRows};
 use crate::{Error, Result};
 use glam::Vec4;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Different receivers of path edits that may meet in one part of the light: each doubles the work.
@@ -31,6 +33,8 @@ pub struct Paths<'a> {
     pub lane: &'a Lane<'a>,
     pub leaving: &'a Leaving,
     pub shares: Shares<'a>,
+    /// Edits of the matrix that come before all others.
+    pub sampled: Option<&'a Sampled>,
 }
 
 impl Paths<'_> {
@@ -66,21 +70,19 @@ impl Paths<'_> {
 
     fn key(&self, name: &[u8], parts: &[&[u8]]) -> Key {
         let shares = self.shares.map_or([0; 16], |(_, key)| key.0);
-        let own = [name, &self.lane.key.0, &self.leaving.key.0, &shares];
+        let sampled = self.sampled.map_or([0; 16], |sampled| sampled.digest());
+        let own = [name, &self.lane.key.0, &self.leaving.key.0, &shares, &sampled];
         Key::of(&own.into_iter().chain(parts.iter().copied()).collect::<Vec<_>>())
     }
 
     /// The same where every edit of the list acts in full.
     fn branch(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Vec<[f32; 4]>> {
-        let Self { stage, lane, leaving, shares } = self;
+        let Self { stage, lane, shares, sampled, .. } = self;
+        if let Some(sampled) = sampled {
+            return self.through(sampled, edits, positions);
+        }
         let cut = CutOut::new(stage, lane, positions, *shares)?;
-        let light: Vec<[f32; 4]> = match shares {
-            None => leaving.exitance.clone(),
-            Some((shares, _)) => {
-                leaving.exitance.iter().zip(*shares).map(|(b, s)| (Vec4::from_array(*b) * *s).to_array()).collect()
-            }
-        };
-        let encoded = stage.transfer.encode(stage.device, &light, 1)?;
+        let encoded = stage.transfer.encode(stage.device, &self.exitance(), 1)?;
         let factors = factors(edits, stage.transfer.gather.spacing());
         let mut rows = self.product(&cut, &cut.rows, b"seen", factors.as_ref(), &encoded)?;
         let amount = unhidden(edits);
@@ -92,6 +94,51 @@ impl Paths<'_> {
             });
         }
         cut.interpolate(stage, &rows)
+    }
+
+    /// The light, as it leaves the gather samples.
+    fn exitance(&self) -> Cow<'_, [[f32; 4]]> {
+        let exitance = &self.leaving.exitance;
+        match self.shares {
+            None => Cow::Borrowed(exitance),
+            Some((shares, _)) => {
+                Cow::Owned(exitance.iter().zip(shares).map(|(b, s)| (Vec4::from_array(*b) * *s).to_array()).collect())
+            }
+        }
+    }
+
+    /// By way of sampled edits.
+    fn through(&self, sampled: &Sampled, edits: &[&Transit], positions: Option<&Positions>) -> Result<Vec<[f32; 4]>> {
+        let Stage { device, transfer, .. } = *self.stage;
+        if !edits.is_empty() {
+            let message = "falloff, indirect_shadow and directionality do not act on sampled edits";
+            return Err(Error::compute(
+                message,
+                "put them before scale_offset, so that they are sampled with the others",
+            ));
+        }
+        let light = self.exitance();
+        let all = match self.lane.samples {
+            None => {
+                let slots = Slots::diffuse(sampled, transfer);
+                let plan = self.plan(&slots, sampled)?;
+                apply::irradiance(device, transfer, sampled, &plan, &light, 1)?
+            }
+            Some(samples) => {
+                let slots = Slots::other(sampled, self.lane.rows, samples, &self.lane.indices, &self.lane.weights);
+                let plan = self.plan(&slots, sampled)?;
+                apply::through(device, transfer, &slots, sampled, &plan, &light, 1, &[])?
+            }
+        };
+        Ok(match positions {
+            None => all,
+            Some(positions) => positions.iter().map(|&position| all[position as usize]).collect(),
+        })
+    }
+
+    fn plan(&self, slots: &Slots, sampled: &Sampled) -> Result<Arc<Plan>> {
+        let key = Key::of(&[b"pairs", &self.lane.key.0, &sampled.digest()]);
+        self.stage.memo.remember(key, Plan::bytes, || Plan::new(slots, self.stage.transfer))
     }
 
     /// Light at rows that are laid out as those of the cut-out.

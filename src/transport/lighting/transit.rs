@@ -12,7 +12,7 @@ use crate::kernels::colour_edits::{ColourEdit, Edited, colour_edits};
 use crate::memo::Key;
 use crate::transport::atoms::{self, Atoms};
 use crate::transport::edits::{Change, Transit};
-use crate::transport::{Edits, Selection};
+use crate::transport::{Edits, Sampled, Selection};
 use crate::{Result, memory};
 use glam::Vec4;
 use rayon::prelude::*;
@@ -27,6 +27,7 @@ pub struct Between<'a> {
     atoms: Atoms,
     /// Names the shares of each atom.
     keys: Vec<Key>,
+    sampled: Option<&'a Sampled>,
 }
 
 /// Per edit of the list, where it has a curve: its gain at each view sample, 1 where the edit does not reach.
@@ -40,6 +41,7 @@ pub struct Arriving {
 
 impl<'a> Between<'a> {
     pub fn new(stage: &'a Stage<'a>, edits: &'a Edits) -> Result<Self> {
+        let sampled = edits.sampled().next().map(|sampled| &**sampled);
         let edits: Vec<&Transit> = edits.transit().collect();
         let mut distinct: Vec<&Arc<Selection>> = Vec::new();
         let mut caster: Vec<Option<usize>> = Vec::new();
@@ -55,7 +57,7 @@ impl<'a> Between<'a> {
             distinct.iter().map(|caster| Ok(stage.at_gather(caster)?.to_vec())).collect::<Result<_>>()?;
         let atoms = atoms::split(stage.transfer.gather.count(), &weights)?;
         let keys = atoms.shares.iter().map(|shares| Key::of(&[b"shares", bytemuck::cast_slice(shares)])).collect();
-        Ok(Self { stage, edits, caster, atoms, keys })
+        Ok(Self { stage, edits, caster, atoms, keys, sampled })
     }
 
     /// Parts that the light is split into.
@@ -100,7 +102,7 @@ impl<'a> Between<'a> {
 
     fn paths<'b>(&'b self, lane: &'b Lane<'b>, leaving: &'b Leaving, atom: Option<usize>) -> Paths<'b> {
         let shares: Shares = atom.map(|atom| (&self.atoms.shares[atom][..], self.keys[atom]));
-        Paths { stage: self.stage, lane, leaving, shares }
+        Paths { stage: self.stage, lane, leaving, shares, sampled: self.sampled }
     }
 
     fn acts_on(&self, edit: usize, atom: usize) -> bool {

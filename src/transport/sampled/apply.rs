@@ -8,6 +8,7 @@ use crate::transport::{Basis, SparseRows, Transfer};
 use crate::{Error, Result};
 use glam::Vec4;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Samples that one task works on.
 const TILE: usize = 4096;
@@ -30,7 +31,57 @@ impl Vectors {
     }
 }
 
-/// The distinct pairs of transfer row and scale row that touched samples need, and which of them each needs.
+/// A matrix of rows, the samples that interpolate between them, and which scale rows belong to which of those.
+pub struct Slots<'a> {
+    pub rows: &'a SparseRows,
+    /// Of each sample: four rows and their weights.
+    pub indices: &'a [[u32; 4]],
+    pub weights: &'a [[f32; 4]],
+    /// Numbers of the samples that have scale rows, increasing.
+    touched: Cow<'a, [u32]>,
+    /// Of each of those: the scale row that goes with each of its four rows, and what that counts.
+    slots: Cow<'a, [[u32; 4]]>,
+    factors: Cow<'a, [[f32; 4]]>,
+}
+
+impl<'a> Slots<'a> {
+    /// View samples and the rows of the transfer.
+    pub fn diffuse(sampled: &'a Sampled, transfer: &'a Transfer) -> Self {
+        Self {
+            rows: &transfer.rows,
+            indices: &transfer.indices,
+            weights: &transfer.weights,
+            touched: Cow::Borrowed(&sampled.touched),
+            slots: Cow::Borrowed(&sampled.slots),
+            factors: Cow::Borrowed(&sampled.weights),
+        }
+    }
+
+    /// Some view samples, `samples`, and other rows for them: reflections. They are no interpolation between the rows that
+    /// the edits were sampled at, so each takes its heaviest slot for all.
+    pub fn other(
+        sampled: &'a Sampled,
+        rows: &'a SparseRows,
+        samples: &[u32],
+        indices: &'a [[u32; 4]],
+        weights: &'a [[f32; 4]],
+    ) -> Self {
+        let (mut touched, mut slots, mut factors) = (Vec::new(), Vec::new(), Vec::new());
+        for (place, sample) in samples.iter().enumerate() {
+            let Ok(at) = sampled.touched.binary_search(sample) else { continue };
+            let given = sampled.slots[at].iter().zip(sampled.weights[at]).filter(|(slot, _)| **slot != UNTOUCHED);
+            let Some((slot, _)) = given.clone().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else { continue };
+            let all: f32 = given.map(|(_, weight)| weight).sum();
+            touched.push(place as u32);
+            slots.push([*slot; 4]);
+            factors.push(weights[place].map(|weight| weight * all));
+        }
+        let (touched, slots, factors) = (Cow::Owned(touched), Cow::Owned(slots), Cow::Owned(factors));
+        Self { rows, indices, weights, touched, slots, factors }
+    }
+}
+
+/// The distinct pairs of a row and a scale row that touched samples need, and which of them each needs.
 pub struct Plan {
     pairs: Vec<Pair>,
     /// By touched sample and slot; `UNTOUCHED` for none.
@@ -44,22 +95,22 @@ impl Plan {
     ///
     /// # Errors
     /// `Compute` when the transfer is of basis `haar`.
-    pub fn new(sampled: &Sampled, transfer: &Transfer) -> Result<Self> {
+    pub fn new(slots: &Slots, transfer: &Transfer) -> Result<Self> {
         if transfer.settings.basis != Basis::Cut {
             let message = "sampled edits multiply transfers of basis cut, this one is of basis haar";
             return Err(Error::compute(message, "set the transfer's basis to cut"));
         }
-        // By transfer row, the pairs there are: a list through `found`, of pair and the number of the next, from 1.
-        let mut first = vec![0u32; transfer.rows.rows()];
+        // By row, the pairs there are: a list through `found`, of pair and the number of the next, from 1.
+        let mut first = vec![0u32; slots.rows.rows()];
         let mut found: Vec<(Pair, u32)> = Vec::new();
-        let mut plain = sampled.touched.len() < transfer.indices.len();
-        let mut of_slot = vec![[UNTOUCHED; 4]; sampled.touched.len()];
-        for (i, &sample) in sampled.touched.iter().enumerate() {
-            let (rows, weights) = (transfer.indices[sample as usize], transfer.weights[sample as usize]);
-            plain |= weights != sampled.weights[i];
+        let mut plain = slots.touched.len() < slots.indices.len();
+        let mut of_slot = vec![[UNTOUCHED; 4]; slots.touched.len()];
+        for (i, &sample) in slots.touched.iter().enumerate() {
+            let (rows, weights) = (slots.indices[sample as usize], slots.weights[sample as usize]);
+            plain |= weights != slots.factors[i];
             for j in 0..4 {
-                let (row, scale) = (rows[j], sampled.slots[i][j]);
-                if scale == UNTOUCHED {
+                let (row, scale) = (rows[j], slots.slots[i][j]);
+                if scale == UNTOUCHED || (weights[j] == 0.0 && slots.factors[i][j] == 0.0) {
                     plain |= weights[j] != 0.0;
                     continue;
                 }
@@ -75,7 +126,7 @@ impl Plan {
                 of_slot[i][j] = number - 1;
             }
         }
-        // Runs of one scale row, each in the order of the transfer's rows.
+        // Runs of one scale row, each in the order of the rows.
         let mut order: Vec<u32> = (0..found.len() as u32).collect();
         order.par_sort_unstable_by_key(|&number| {
             let [row, scale] = found[number as usize].0;
@@ -116,33 +167,49 @@ pub fn irradiance(
     exitance: &[[f32; 4]],
     count: usize,
 ) -> Result<Vec<[f32; 4]>> {
-    let pyramids = transfer.encode(device, exitance, count)?;
-    let rows = match plan.plain {
-        true => sparse_product(device, &transfer.rows, &pyramids, count)?,
-        false => vec![[0.0; 4]; count * transfer.rows.rows()],
-    };
-    let scaled = scaled_product(device, &transfer.rows, &sampled.scales, &plan.pairs, &pyramids, count)?;
     let added = match &sampled.offsets {
         Some(offsets) => offset_product(device, offsets, exitance, count)?,
         None => Vec::new(),
     };
-    let mut arriving = if plan.plain {
-        interpolate(device, &transfer.indices, &transfer.weights, &rows, count)?
-    } else {
-        vec![[0.0; 4]; count * transfer.indices.len()]
+    through(device, transfer, &Slots::diffuse(sampled, transfer), sampled, plan, exitance, count, &added)
+}
+
+/// The same for any rows. `added`: `P . B'` of each offset row, `count` vectors; empty for none.
+#[allow(clippy::too_many_arguments, reason = "each is one operand of the formula of the module")]
+pub fn through(
+    device: &Device,
+    transfer: &Transfer,
+    slots: &Slots,
+    sampled: &Sampled,
+    plan: &Plan,
+    exitance: &[[f32; 4]],
+    count: usize,
+    added: &[[f32; 4]],
+) -> Result<Vec<[f32; 4]>> {
+    let pyramids = transfer.encode(device, exitance, count)?;
+    let samples = slots.indices.len();
+    let rows = match plan.plain {
+        true => sparse_product(device, slots.rows, &pyramids, count)?,
+        false => vec![[0.0; 4]; count * slots.rows.rows()],
     };
-    let vectors = arriving.chunks_exact_mut(transfer.indices.len().max(1)).enumerate();
-    for (k, arriving) in vectors {
-        let rows = &rows[k * transfer.rows.rows()..];
+    let scaled = scaled_product(device, slots.rows, &sampled.scales, &plan.pairs, &pyramids, count)?;
+    let mut arriving = if plan.plain {
+        let (indices, weights) = (Array::from(slots.indices.to_vec()), Array::from(slots.weights.to_vec()));
+        interpolate(device, &indices, &weights, &rows, count)?
+    } else {
+        vec![[0.0; 4]; count * samples]
+    };
+    for (k, arriving) in arriving.chunks_exact_mut(samples.max(1)).enumerate() {
+        let rows = &rows[k * slots.rows.rows()..];
         let scaled = &scaled[k * plan.pairs.len()..];
-        let added = if added.is_empty() { &added[..] } else { &added[k * sampled.rows()..] };
+        let added = if added.is_empty() { added } else { &added[k * sampled.rows()..] };
         let edited = |i: usize| {
-            let sample = sampled.touched[i] as usize;
-            let (indices, weights) = (transfer.indices[sample], transfer.weights[sample]);
+            let sample = slots.touched[i] as usize;
+            let (indices, weights) = (slots.indices[sample], slots.weights[sample]);
             let mut sum = Vec4::ZERO;
             for j in 0..4 {
-                let (pair, scale) = (plan.of_slot[i][j], sampled.slots[i][j]);
-                let weight = if pair == UNTOUCHED { 0.0 } else { sampled.weights[i][j] };
+                let (pair, scale) = (plan.of_slot[i][j], slots.slots[i][j]);
+                let weight = if pair == UNTOUCHED { 0.0 } else { slots.factors[i][j] };
                 if weights[j] != weight {
                     sum += Vec4::from_array(rows[indices[j] as usize]) * (weights[j] - weight);
                 }
@@ -153,8 +220,8 @@ pub fn irradiance(
             }
             sum.to_array()
         };
-        let values: Vec<[f32; 4]> = (0..sampled.touched.len()).into_par_iter().with_min_len(TILE).map(edited).collect();
-        sampled.touched.iter().zip(values).for_each(|(&sample, value)| arriving[sample as usize] = value);
+        let values: Vec<[f32; 4]> = (0..slots.touched.len()).into_par_iter().with_min_len(TILE).map(edited).collect();
+        slots.touched.iter().zip(values).for_each(|(&sample, value)| arriving[sample as usize] = value);
     }
     Ok(arriving)
 }

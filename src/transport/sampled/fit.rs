@@ -5,15 +5,17 @@
 //! jumps when its light fades through the epsilon and the light then changes. Here both take over smoothly:
 //!
 //! ```text
-//! scale  = edited original / (original² + e²)      e² = (RELATIVE largest channel)² + FLOOR²
+//! scale  = (edited original + grey e²) / (original² + e²)      e² = (RELATIVE largest channel)² + FLOOR²
 //! offset = edited - scale original
 //! ```
 //!
 //! What scale and offset give for the light that they were made from is the edited light, whatever `e`. `e` says how
 //! they share it: a channel far above `e` is scaled (up to a millionth), one that is dark beside the others or in the
-//! dark altogether is offset. Scales stay within `edited / 2e` and `LARGEST`.
+//! dark altogether is offset. Its scale is then `grey`, what the edit does to grey light, so that an unlit surface that a
+//! lamp reaches later is edited like its neighbours. Scales stay within `grey + edited / 2e` and `LARGEST`.
 
 use crate::{Error, Result};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// A channel below this part of the largest channel is offset rather than scaled.
@@ -57,19 +59,29 @@ pub fn fit(original: &[[f32; 4]], edited: &[[f32; 4]]) -> Result<Fit> {
     Ok(Fit { scale, offset })
 }
 
-/// Scale and offset of one sample of finite light.
+/// Scale and offset of one sample of finite light, `grey` from the sums over its channels.
 pub fn fit_one(original: [f32; 3], edited: [f32; 3]) -> [[f32; 3]; 2] {
+    let sum = |light: [f32; 3]| light.iter().map(|x| f64::from(*x)).sum::<f64>();
+    let (o, m) = (sum(original), sum(edited));
+    let grey = ((m * o + FLOOR * FLOOR) / (o * o + FLOOR * FLOOR)).clamp(0.0, LARGEST);
+    let (scale, offset) = fit_towards(original.into(), edited.into(), grey as f32);
+    [scale.to_array(), offset.to_array()]
+}
+
+/// Scale and offset of one sample of finite light.
+pub fn fit_towards(original: Vec3, edited: Vec3, grey: f32) -> (Vec3, Vec3) {
+    let original = original.to_array();
     let original = original.map(f64::from);
     let largest = original.iter().fold(0.0f64, |largest, x| largest.max(x.abs()));
     let e2 = (RELATIVE * largest).powi(2) + FLOOR * FLOOR;
-    let mut both = [[0.0; 3]; 2];
+    let (mut scales, mut offsets) = (Vec3::ZERO, Vec3::ZERO);
     for c in 0..3 {
         let (o, m) = (original[c], f64::from(edited[c]));
-        let scale = (m * o / (o * o + e2)).clamp(-LARGEST, LARGEST) as f32;
-        both[0][c] = scale;
-        both[1][c] = (m - f64::from(scale) * o) as f32;
+        let scale = ((m * o + f64::from(grey) * e2) / (o * o + e2)).clamp(-LARGEST, LARGEST) as f32;
+        scales[c] = scale;
+        offsets[c] = (m - f64::from(scale) * o) as f32;
     }
-    both
+    (scales, offsets)
 }
 
 fn rgb(light: &[f32; 4]) -> [f32; 3] {
@@ -80,7 +92,7 @@ fn rgb(light: &[f32; 4]) -> [f32; 3] {
 mod tests {
     use super::*;
     use crate::image::colour;
-    use glam::{Mat3, Vec3};
+    use glam::Mat3;
 
     /// What scale and offset make of the light that they were fitted to.
     fn rebuilt(original: [f32; 3], [scale, offset]: [[f32; 3]; 2]) -> [f32; 3] {
@@ -194,7 +206,8 @@ mod tests {
         let red = [0.7, 0.0, 0.0];
         let turned = (turn * Vec3::from(red)).to_array();
         let [scale, offset] = fit_one(red, turned);
-        assert_eq!((&scale[1..], &offset[1..]), (&[0.0; 2][..], &turned[1..]));
+        assert_eq!(offset[1..], turned[1..]);
+        assert!(scale.iter().all(|s| (0.0..=1.5).contains(s)), "{scale:?}");
     }
 
     #[test]

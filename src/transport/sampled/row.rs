@@ -67,7 +67,13 @@ impl Row {
     /// is dropped stays below `tolerance` of the row in L2 norm; and those beyond the `most` largest in any case. The
     /// basis is orthonormal along samples of equal area, so the error is weighted by area.
     pub fn truncate(&mut self, tolerance: f32, most: usize) -> Kept {
-        let energy = |(_, c): &(u32, Vec3)| c.as_dvec3().length_squared();
+        self.truncate_by(tolerance, most, |_| 1.0)
+    }
+
+    /// The same with the error weighted anew: `weight` is the mean weight of a sample below a tree node (1: the root, also
+    /// asked for coefficient 0).
+    pub fn truncate_by(&mut self, tolerance: f32, most: usize, weight: impl Fn(usize) -> f32) -> Kept {
+        let energy = |(i, c): &(u32, Vec3)| c.as_dvec3().length_squared() * f64::from(weight((*i).max(1) as usize));
         let larger = |a: &(u32, Vec3), b: &(u32, Vec3)| energy(b).total_cmp(&energy(a)).then(a.0.cmp(&b.0));
         let list = &mut self.coefficients;
         let total: f64 = list.iter().map(energy).sum();
@@ -102,20 +108,25 @@ impl Row {
     }
 }
 
-/// Rows made in parallel, by number, and packed: three sparse rows (red, green, blue) of M columns for each.
+/// Rows made in parallel, by number, each with what `scratch` made for its thread, and packed: three sparse rows (red, green, blue) of M columns for each.
 ///
 /// # Errors
 /// That of `make`; a coefficient that is not finite.
-pub fn rows(columns: usize, count: usize, make: impl Fn(usize, &mut Row) -> Result<()> + Sync) -> Result<SparseRows> {
+pub fn rows<S>(
+    columns: usize,
+    count: usize,
+    scratch: impl Fn() -> S + Sync + Send,
+    make: impl Fn(usize, &mut S, &mut Row) -> Result<()> + Sync,
+) -> Result<SparseRows> {
     let format = EntryFormat::new(columns.ilog2(), true)?;
     type Packed = [(Vec<u32>, f32); 3];
     let packed: Vec<Packed> = (0..count)
         .into_par_iter()
         .map_init(
-            || (Row::default(), Vec::new()),
-            |(row, channel), number| {
+            || (scratch(), Row::default(), Vec::new()),
+            |(scratch, row, channel), number| {
                 row.coefficients.clear();
-                make(number, row)?;
+                make(number, scratch, row)?;
                 let mut packed = Packed::default();
                 for (c, (entries, scale)) in packed.iter_mut().enumerate() {
                     channel.clear();
@@ -266,15 +277,15 @@ mod tests {
 
     #[test]
     fn packed_rows_are_the_rows() {
-        let make = |number: usize, row: &mut Row| {
+        let make = |number: usize, _: &mut (), row: &mut Row| {
             row.fill(128, &mut Pieces { seed: number as u32, depth: 7, asked: 0 });
             Ok(())
         };
-        let packed = rows(128, 50, make).unwrap();
+        let packed = rows(128, 50, || (), make).unwrap();
         assert_eq!((packed.rows(), packed.columns()), (150, 128));
         for number in 0..50 {
             let mut row = Row::default();
-            make(number, &mut row).unwrap();
+            make(number, &mut (), &mut row).unwrap();
             for (c, dense) in [0, 1, 2].map(|c| (c, spread(&row, 128))) {
                 let largest = dense.iter().map(|x| x[c].abs()).fold(0.0, f32::max);
                 let mut found = vec![0.0; 128];
@@ -283,10 +294,15 @@ mod tests {
             }
         }
         assert!(
-            rows(128, 1, |_, row| {
-                row.coefficients.push((0, Vec3::NAN));
-                Ok(())
-            })
+            rows(
+                128,
+                1,
+                || (),
+                |_, (), row| {
+                    row.coefficients.push((0, Vec3::NAN));
+                    Ok(())
+                }
+            )
             .is_err()
         );
     }
