@@ -96,8 +96,12 @@ pub fn sample(light: &SceneLight, edits: &Edits, settings: Settings) -> Result<(
         offsets: rows.offsets,
     })?;
     let again = Indirect::new(light, &Edits::default().and(Edit::Sampled(Arc::new(sampled.clone()))))?;
-    let plain = Indirect::new(light, &Edits::default())?;
-    (cost.error, cost.changed) = difference(&plain.radiance, &edited.radiance, &again.radiance);
+    // Without a lamp there is no unedited picture: all of it is the edits'.
+    let plain = match light.sources() {
+        0 => vec![[0.0; 4]; edited.radiance.len()],
+        _ => Indirect::new(light, &Edits::default())?.radiance,
+    };
+    (cost.error, cost.changed) = difference(&plain, &edited.radiance, &again.radiance);
     Ok((sampled, cost))
 }
 
