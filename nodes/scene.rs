@@ -12,7 +12,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scene {
-    /// A .gltf or .glb file, or `builtin:NAME` for a scene that ships in the program (`builtin:room`).
+    /// A .gltf or .glb file, or `builtin:NAME` for a scene that ships in the program (`builtin:room`, `builtin:hall`).
     pub file: String,
     /// Frames a second that animation in the file is played at.
     #[schemars(range(min = 1.0, max = 1000.0), extend("unit" = "1/s"))]
@@ -88,7 +88,7 @@ impl Node for Scene {
 
 fn built_in(name: &str) -> Result<SceneValue> {
     builtin::scene(name).ok_or_else(|| {
-        let known = builtin::NAMES.join(", ");
+        let known = builtin::names().collect::<Vec<_>>().join(", ");
         Error::compute(format!("no scene called \"{name}\" ships in the program"), format!("there is {known}"))
     })
 }

@@ -36,6 +36,32 @@ fn all_are_good_and_write_something() {
     }
 }
 
+/// Node types without a recipe of their own in `graphs/edits`, and why.
+const WITHOUT_RECIPE: &[(&str, &str)] = &[
+    ("read_edits", "reads a file of sampled edits; tests/edits_file.rs makes one and reads it"),
+    ("scale_offset", "what it makes is for write_edits and read_edits, which have none"),
+    ("write_edits", "writes no picture to look at; tests/edits_file.rs reads what it writes"),
+];
+
+#[test]
+fn every_node_type_has_a_small_recipe() {
+    let edits = recipes(&Path::new(env!("CARGO_MANIFEST_DIR")).join("graphs/edits"));
+    let used: Vec<String> = edits
+        .iter()
+        .flat_map(|path| plan(path).steps.iter().map(|step| step.node_type.info.name.to_owned()).collect::<Vec<_>>())
+        .collect();
+    for node in nodes::ALL {
+        let name = node.info.name;
+        match WITHOUT_RECIPE.iter().find(|(without, _)| *without == name) {
+            None => assert!(used.iter().any(|used| used == name), "no recipe in graphs/edits has a {name} node"),
+            Some((_, why)) => assert!(!used.iter().any(|used| used == name), "{name} has one now, no longer so: {why}"),
+        }
+    }
+    for (name, _) in WITHOUT_RECIPE {
+        assert!(nodes::find(name).is_some(), "there is no node type {name}");
+    }
+}
+
 /// The file of the project's test data that an error says is not there, if that is what it says.
 fn missing_data(error: &Error) -> Option<PathBuf> {
     match error {

@@ -28,7 +28,8 @@ pub fn leaving(
     key: Key,
 ) -> Result<Arc<Leaving>> {
     let brushes: Vec<&SourceBrush> = edits.source().collect();
-    let sampled = edits.sampled().next();
+    let sampled =
+        edits.sampled().next().filter(|sampled| sampled.source.scale.is_some() || sampled.source.offset.is_some());
     let key = brushes.iter().fold(key, |key, brush| Key::of(&[&key.0, &digest(brush)]));
     let key = sampled.map_or(key, |sampled| Key::of(&[b"sampled", &key.0, &sampled.digest()]));
     let bytes = |leaving: &Leaving| super::VEC4 * leaving.exitance.len() as u64;

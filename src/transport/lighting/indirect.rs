@@ -41,14 +41,14 @@ impl Indirect {
     pub fn new(light: &SceneLight, edits: &Edits) -> Result<Self> {
         let stage = light.stage;
         edits.check(&stage.geometry.fingerprint)?;
+        for sampled in edits.sampled() {
+            let key = Key::of(&[b"checked", &stage.place.0, &sampled.digest()]);
+            stage.memo.remember(key, |()| 1, || sampled.check(stage.geometry, stage.transfer))?;
+        }
         let glows = edits.source().any(|brush| brush.offset != Vec3::ZERO) || edits.sampled().next().is_some();
         if light.sources() == 0 && !glows {
             let help = "add a light node and connect it to the scene, or give a material emission";
             return Err(Error::compute("the scene has no light: no lamp, and no surface that emits", help));
-        }
-        for sampled in edits.sampled() {
-            let key = Key::of(&[b"checked", &stage.place.0, &sampled.digest()]);
-            stage.memo.remember(key, |()| 1, || sampled.check(stage.geometry, stage.transfer))?;
         }
         let between = Between::new(stage, edits)?;
         let reflectance = light.gather_reflectance()?;

@@ -117,18 +117,17 @@ impl Paths<'_> {
             ));
         }
         let light = self.exitance();
-        let all = match self.lane.samples {
-            None => {
-                let slots = Slots::diffuse(sampled, transfer);
-                let plan = self.plan(&slots, sampled)?;
-                apply::irradiance(device, transfer, sampled, &plan, &light, 1)?
-            }
+        let whole = Paths { sampled: None, ..*self }.light(&[], None)?.to_vec();
+        let (slots, added) = match self.lane.samples {
+            None => (Slots::diffuse(sampled, transfer), sampled.offsets.as_ref()),
             Some(samples) => {
-                let slots = Slots::other(sampled, self.lane.rows, samples, &self.lane.indices, &self.lane.weights);
-                let plan = self.plan(&slots, sampled)?;
-                apply::through(device, transfer, &slots, sampled, &plan, &light, 1, &[])?
+                let Lane { rows, indices, weights, .. } = self.lane;
+                (Slots::other(sampled, rows, samples, indices, weights), None)
             }
         };
+        let added = added.map(|added| apply::offset_product(device, added, &light, 1)).transpose()?.unwrap_or_default();
+        let plan = self.plan(&slots, sampled)?;
+        let all = apply::through(device, transfer, &slots, sampled, &plan, &light, whole, &added)?;
         Ok(match positions {
             None => all,
             Some(positions) => positions.iter().map(|&position| all[position as usize]).collect(),

@@ -3,7 +3,7 @@
 use super::{Sampled, UNTOUCHED, Vectors};
 use crate::device::{Array, Device};
 use crate::kernels::scaled_product::{Pair, scaled_product};
-use crate::kernels::{haar_encode, interpolate, sparse_product};
+use crate::kernels::{haar_encode, sparse_product};
 use crate::transport::{Basis, SparseRows, Transfer};
 use crate::{Error, Result};
 use glam::Vec4;
@@ -86,7 +86,7 @@ pub struct Plan {
     pairs: Vec<Pair>,
     /// By touched sample and slot; `UNTOUCHED` for none.
     of_slot: Vec<[u32; 4]>,
-    /// Some sample needs unedited rows, too.
+    /// Some touched sample needs unedited rows, too.
     plain: bool,
 }
 
@@ -103,7 +103,7 @@ impl Plan {
         // By row, the pairs there are: a list through `found`, of pair and the number of the next, from 1.
         let mut first = vec![0u32; slots.rows.rows()];
         let mut found: Vec<(Pair, u32)> = Vec::new();
-        let mut plain = slots.touched.len() < slots.indices.len();
+        let mut plain = false;
         let mut of_slot = vec![[UNTOUCHED; 4]; slots.touched.len()];
         for (i, &sample) in slots.touched.iter().enumerate() {
             let (rows, weights) = (slots.indices[sample as usize], slots.weights[sample as usize]);
@@ -171,10 +171,12 @@ pub fn irradiance(
         Some(offsets) => offset_product(device, offsets, exitance, count)?,
         None => Vec::new(),
     };
-    through(device, transfer, &Slots::diffuse(sampled, transfer), sampled, plan, exitance, count, &added)
+    let whole = transfer.apply(device, exitance, count)?;
+    through(device, transfer, &Slots::diffuse(sampled, transfer), sampled, plan, exitance, whole, &added)
 }
 
-/// The same for any rows. `added`: `P . B'` of each offset row, `count` vectors; empty for none.
+/// The same for any rows. `whole`: light at the samples that are not touched, one or more vectors; `added`: `P . B'` of each
+/// offset row, as many vectors, or empty for none.
 #[allow(clippy::too_many_arguments, reason = "each is one operand of the formula of the module")]
 pub fn through(
     device: &Device,
@@ -183,9 +185,10 @@ pub fn through(
     sampled: &Sampled,
     plan: &Plan,
     exitance: &[[f32; 4]],
-    count: usize,
+    whole: Vec<[f32; 4]>,
     added: &[[f32; 4]],
 ) -> Result<Vec<[f32; 4]>> {
+    let count = exitance.len() / transfer.gather.count().max(1);
     let pyramids = transfer.encode(device, exitance, count)?;
     let samples = slots.indices.len();
     let rows = match plan.plain {
@@ -193,12 +196,7 @@ pub fn through(
         false => vec![[0.0; 4]; count * slots.rows.rows()],
     };
     let scaled = scaled_product(device, slots.rows, &sampled.scales, &plan.pairs, &pyramids, count)?;
-    let mut arriving = if plan.plain {
-        let (indices, weights) = (Array::from(slots.indices.to_vec()), Array::from(slots.weights.to_vec()));
-        interpolate(device, &indices, &weights, &rows, count)?
-    } else {
-        vec![[0.0; 4]; count * samples]
-    };
+    let mut arriving = whole;
     for (k, arriving) in arriving.chunks_exact_mut(samples.max(1)).enumerate() {
         let rows = &rows[k * slots.rows.rows()..];
         let scaled = &scaled[k * plan.pairs.len()..];

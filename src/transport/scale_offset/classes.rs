@@ -3,8 +3,9 @@
 use super::split::Split;
 use crate::Result;
 use crate::device::Array;
-use crate::transport::Transfer;
+use crate::memo::Key;
 use crate::transport::lighting::Stage;
+use crate::transport::{Selection, Transfer};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -28,7 +29,15 @@ pub struct Touched {
 }
 
 impl Touched {
-    pub fn new(stage: &Stage, split: &Split) -> Result<Self> {
+    pub fn new(stage: &Stage, split: &Split) -> Result<Arc<Self>> {
+        let digest = |receiver: &Arc<Selection>| receiver.digest();
+        let receivers: Vec<[u8; 16]> =
+            split.middle.iter().map(|(_, edit)| edit.block.receiver.as_ref().map_or([0; 16], digest)).collect();
+        let key = Key::of(&[b"touched", &stage.place.0, bytemuck::cast_slice(&receivers)]);
+        stage.memo.remember(key, |touched: &Self| 12 * touched.samples.len() as u64, || Self::find(stage, split))
+    }
+
+    fn find(stage: &Stage, split: &Split) -> Result<Self> {
         let receivers: Vec<Option<Arc<Array<f32>>>> = split
             .middle
             .iter()

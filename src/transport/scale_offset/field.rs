@@ -145,6 +145,12 @@ impl PathField<'_> {
     /// How much the field of a row without path edits varies over each node: the range of any channel.
     pub fn variation(&self) -> Vec<f32> {
         let count = self.senders.patches.count();
+        let grey =
+            |step: &Step| !matches!(step, Step::Colour(matrix) if *matrix != Mat3::from_diagonal(matrix.diagonal()));
+        if self.steps.iter().all(grey) {
+            // What is left to vary is whether an edit acts, and `Senders::is_pure` knows that.
+            return vec![0.0; 2 * count];
+        }
         let mut ranges: Vec<[Vec3; 2]> = vec![[Vec3::ZERO; 2]; count];
         ranges.extend((count..2 * count).map(|leaf| [self.value(leaf); 2]));
         for node in (1..count).rev() {

@@ -5,7 +5,7 @@ use super::field::{PathField, Senders, Step};
 use super::importance::Importance;
 use super::shadows::Uncovered;
 use super::split::Split;
-use super::{Cost, Settings, rgb};
+use super::{Cost, Settings};
 use crate::Result;
 use crate::device::Array;
 use crate::memo::Key;
@@ -20,15 +20,16 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Light that scales cannot give, over all light, below which it is left out.
-const NEGLIGIBLE: f32 = 1e-4;
+/// Light that scales cannot give, over all that its sender sends, below which it is left out: an offset stays when lamps
+/// are dimmed, so it is used where it must be.
+const NEGLIGIBLE: f32 = 2e-3;
 
 pub struct Middle<'a> {
     edits: Vec<&'a Transit>,
     steps: Vec<Step>,
     /// Of each step with a curve: its gain at each view sample.
     gains: Vec<Option<Array<f32>>>,
-    touched: Touched,
+    touched: Arc<Touched>,
     senders: Senders,
     uncovered: Vec<Uncovered>,
 }
@@ -193,17 +194,17 @@ impl<'a> Middle<'a> {
     /// Irradiance that scales cannot give, at all view samples: light of channels that were dark before. Empty for none.
     pub fn residual(&self, stage: &Stage, light: Key) -> Result<Vec<[f32; 4]>> {
         let count = stage.transfer.gather.count();
-        let mean = rgb(&self.senders.light[1].extend(0.0).to_array()).max_element();
         let mut total = Vec::new();
         for class in 0..self.touched.classes.len() as u32 {
             let field = self.colours(class);
             let left = |leaf: usize| {
                 let (original, edited, grey) = field.edited(leaf);
-                fit_towards(original, edited, grey).1.extend(0.0).to_array()
+                let left = fit_towards(original, edited, grey).1;
+                let matters = left.abs().max_element() > NEGLIGIBLE * original.abs().max(edited.abs()).max_element();
+                if matters { left.extend(0.0).to_array() } else { [0.0; 4] }
             };
             let exitance: Vec<[f32; 4]> = (count..2 * count).into_par_iter().map(left).collect();
-            let most = exitance.par_iter().map(|light| rgb(light).abs().max_element()).reduce(|| 0.0, f32::max);
-            if most <= NEGLIGIBLE * mean {
+            if exitance.par_iter().all(|light| *light == [0.0; 4]) {
                 continue;
             }
             let places = (0..self.touched.samples.len()).filter(|&i| self.touched.class[i] == class);

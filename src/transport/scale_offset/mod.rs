@@ -18,6 +18,7 @@ mod shadows;
 mod split;
 
 use crate::device::Array;
+use crate::memo::Key;
 use crate::transport::lighting::{Indirect, Leaving, SceneLight, leaving, source_vectors};
 use crate::transport::sampled::{GatherPlaces, Origin, Parts, Vectors, ViewPlaces, fit};
 use crate::transport::{Basis, Edit, Edits, Sampled};
@@ -72,10 +73,20 @@ pub fn sample(light: &SceneLight, edits: &Edits, settings: Settings) -> Result<(
     let (rows, mut cost) = middle.rows(stage, settings)?;
     let residual = middle.residual(stage, edited.leaving.key)?;
     let eye = eye(light, edits, &split, &edited, &residual)?;
+    let key = Key::of(&[b"places", &stage.place.0]);
+    let places = stage.memo.remember(
+        key,
+        |_| 60 * stage.transfer.samples.points.len() as u64,
+        || {
+            let origin = Origin::of(stage.geometry, stage.transfer);
+            Ok((origin, ViewPlaces::of(&stage.transfer.samples), GatherPlaces::of(stage.transfer)))
+        },
+    )?;
+    let (origin, view, gather) = (*places).clone();
     let sampled = Sampled::new(Parts {
-        origin: Origin::of(stage.geometry, stage.transfer),
-        view: ViewPlaces::of(&stage.transfer.samples),
-        gather: GatherPlaces::of(stage.transfer),
+        origin,
+        view,
+        gather,
         source,
         eye,
         touched: rows.touched.into(),
@@ -85,8 +96,12 @@ pub fn sample(light: &SceneLight, edits: &Edits, settings: Settings) -> Result<(
         offsets: rows.offsets,
     })?;
     let again = Indirect::new(light, &Edits::default().and(Edit::Sampled(Arc::new(sampled.clone()))))?;
-    let plain = Indirect::new(light, &Edits::default())?;
-    (cost.error, cost.changed) = difference(&plain.radiance, &edited.radiance, &again.radiance);
+    // Without a lamp there is no unedited picture: all of it is the edits'.
+    let plain = match light.sources() {
+        0 => vec![[0.0; 4]; edited.radiance.len()],
+        _ => Indirect::new(light, &Edits::default())?.radiance,
+    };
+    (cost.error, cost.changed) = difference(&plain, &edited.radiance, &again.radiance);
     Ok((sampled, cost))
 }
 

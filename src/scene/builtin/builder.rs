@@ -1,65 +1,18 @@
-//! Scenes that ship in the program: made here, no file needed.
+//! Puts a built-in scene together from simple shapes.
 
 use crate::scene::geometry::{GeometryBuilder, Mesh};
-use crate::scene::{Camera, Light, LightKind, Material, Scene};
-use glam::{Mat4, Quat, Vec3};
+use crate::scene::{Camera, Light, Material, Scene};
+use glam::{Mat4, Quat, Vec2, Vec3};
 use std::sync::Arc;
 
-pub const NAMES: &[&str] = &["room"];
-
-pub fn scene(name: &str) -> Option<Scene> {
-    (name == "room").then(room)
-}
-
-/// A room of 4 x 3 x 4 m, open towards the camera: a red wall on the left, a teal one on the right, an ochre block, a
-/// polished ball, a small pedestal; a spot light on the red wall, a soft ceiling panel.
-fn room() -> Scene {
-    let mut room = Builder::default();
-    let plaster = room.material("plaster", Material::matte([0.74, 0.72, 0.68]));
-    let boards = room.material("boards", Material::matte([0.42, 0.33, 0.25]));
-    let red = room.material("red", Material::matte([0.62, 0.05, 0.04]));
-    let teal = room.material("teal", Material::matte([0.06, 0.34, 0.36]));
-    let ochre = room.material("ochre", Material::matte([0.70, 0.52, 0.22]));
-    let lacquer = Material { roughness: 0.32, specular: 1.0, ..Material::matte([0.55, 0.57, 0.62]) };
-    let lacquer = room.material("lacquer", lacquer);
-    let stone = room.material("stone", Material::matte([0.5, 0.5, 0.48]));
-    let panel = room.material("panel", Material { emission: [6.0, 5.6, 5.0], ..Material::matte([0.8; 3]) });
-
-    let (x, y, z) = (2.0, 3.0, 2.0);
-    let v = Vec3::new;
-    room.quad("floor", boards, [v(-x, 0.0, z), v(x, 0.0, z), v(x, 0.0, -z), v(-x, 0.0, -z)]);
-    room.quad("ceiling", plaster, [v(-x, y, -z), v(x, y, -z), v(x, y, z), v(-x, y, z)]);
-    room.quad("back_wall", plaster, [v(-x, 0.0, -z), v(x, 0.0, -z), v(x, y, -z), v(-x, y, -z)]);
-    room.quad("left_wall", red, [v(-x, 0.0, z), v(-x, 0.0, -z), v(-x, y, -z), v(-x, y, z)]);
-    room.quad("right_wall", teal, [v(x, 0.0, -z), v(x, 0.0, z), v(x, y, z), v(x, y, -z)]);
-    room.cuboid("block", ochre, v(-0.85, 0.75, -0.55), v(0.9, 1.5, 0.9), 0.35);
-    room.cuboid("pedestal", stone, v(0.9, 0.2, 0.35), v(0.8, 0.4, 0.8), -0.25);
-    room.ball("ball", lacquer, v(0.9, 0.4 + 0.42, 0.35), 0.42);
-    room.quad(
-        "panel",
-        panel,
-        [v(0.5, y - 0.01, -1.2), v(1.4, y - 0.01, -1.2), v(1.4, y - 0.01, -0.3), v(0.5, y - 0.01, -0.3)],
-    );
-
-    let key = LightKind::Spot {
-        position: v(0.4, 2.6, 1.8),
-        direction: (v(-2.0, 1.15, 0.55) - v(0.4, 2.6, 1.8)).normalize(),
-        inner: 0.34,
-        outer: 0.5,
-    };
-    let lights = vec![Light { name: "key".into(), kind: key, intensity: Vec3::new(70.0, 63.0, 54.0) }];
-    let camera = Camera::look_at("main", v(0.0, 1.5, 5.95), v(0.0, 1.45, 0.0), 38f32.to_radians());
-    room.finish(lights, vec![camera])
-}
-
 #[derive(Default)]
-struct Builder {
+pub struct Builder {
     geometry: GeometryBuilder,
     materials: Vec<Material>,
 }
 
 impl Builder {
-    fn material(&mut self, name: &str, material: Material) -> u32 {
+    pub fn material(&mut self, name: &str, material: Material) -> u32 {
         self.materials.push(Material { name: name.into(), ..material });
         self.materials.len() as u32 - 1
     }
@@ -79,12 +32,12 @@ impl Builder {
     }
 
     /// Counter-clockwise as seen from the front.
-    fn quad(&mut self, object: &str, material: u32, corners: [Vec3; 4]) {
+    pub fn quad(&mut self, object: &str, material: u32, corners: [Vec3; 4]) {
         self.mesh(object, material, &corners.map(|c| c.to_array()), None, &[0, 1, 2, 0, 2, 3], Mat4::IDENTITY);
     }
 
     /// `turn`: radians about +Y.
-    fn cuboid(&mut self, object: &str, material: u32, centre: Vec3, size: Vec3, turn: f32) {
+    pub fn cuboid(&mut self, object: &str, material: u32, centre: Vec3, size: Vec3, turn: f32) {
         let place = Mat4::from_scale_rotation_translation(size, Quat::from_rotation_y(turn), centre);
         for (axis, sign) in [0, 1, 2].into_iter().flat_map(|axis| [(axis, -1.0), (axis, 1.0)]) {
             let normal = Vec3::AXES[axis] * sign;
@@ -95,7 +48,7 @@ impl Builder {
         }
     }
 
-    fn ball(&mut self, object: &str, material: u32, centre: Vec3, radius: f32) {
+    pub fn ball(&mut self, object: &str, material: u32, centre: Vec3, radius: f32) {
         const RINGS: u32 = 48;
         const SEGMENTS: u32 = 96;
         let unit: Vec<[f32; 3]> = (0..=RINGS)
@@ -128,7 +81,41 @@ impl Builder {
         self.mesh(object, material, &unit, Some(&unit), &indices, place);
     }
 
-    fn finish(self, lights: Vec<Light>, cameras: Vec<Camera>) -> Scene {
+    /// Turns a profile about the upright axis through `foot`: points of (radius, height), so ordered that the outside lies
+    /// to the right of the way. Smooth along the profile where `smooth`, with an edge at each of its points otherwise.
+    pub fn lathe(&mut self, object: &str, material: u32, foot: Vec3, profile: &[Vec2], smooth: bool) {
+        const SEGMENTS: u32 = 96;
+        let last = profile.len() - 1;
+        let place = Mat4::from_translation(foot);
+        for band in 0..last {
+            let at = |i: usize| {
+                let (from, to) = if smooth { (i.saturating_sub(1), (i + 1).min(last)) } else { (band, band + 1) };
+                let along = profile[to] - profile[from];
+                (profile[i], Vec2::new(along.y, -along.x).normalize_or_zero())
+            };
+            let ring = |(point, normal): (Vec2, Vec2)| {
+                (0..SEGMENTS).map(move |segment| {
+                    let (sin, cos) = (std::f32::consts::TAU * segment as f32 / SEGMENTS as f32).sin_cos();
+                    let turned = |p: Vec2| [p.x * sin, p.y, p.x * cos];
+                    (turned(point), turned(normal))
+                })
+            };
+            let (positions, normals): (Vec<_>, Vec<_>) = ring(at(band)).chain(ring(at(band + 1))).unzip();
+            let indices: Vec<u32> = (0..SEGMENTS)
+                .flat_map(|s| {
+                    let (a, b) = (s, (s + 1) % SEGMENTS);
+                    let (c, d) = (b + SEGMENTS, a + SEGMENTS);
+                    // Of a band that ends on the axis, one triangle has no area.
+                    let lower = (profile[band].x > 0.0).then_some([a, b, c]);
+                    let upper = (profile[band + 1].x > 0.0).then_some([a, c, d]);
+                    lower.into_iter().chain(upper).flatten()
+                })
+                .collect();
+            self.mesh(object, material, &positions, Some(&normals), &indices, place);
+        }
+    }
+
+    pub fn finish(self, lights: Vec<Light>, cameras: Vec<Camera>) -> Scene {
         let names = self.materials.iter().map(|material| material.name.clone()).collect();
         let geometry = self.geometry.finish(names).expect("built-in scenes have triangles");
         Scene {
