@@ -186,6 +186,8 @@ fn brushes_do_what_a_hand_computes() {
         let cast = ("caster_receiver", json!({ "brightness": scale }), json!({ "caster": "red" }));
         close(&source(scale, "red"), &after(&evaluator, &[cast]), 1e-6, 1e-4);
     }
+    let soft = ("caster_receiver", json!({ "brightness": 3.0 }), json!({ "caster": "soft_red" }));
+    close(&source(3.0, "soft_red"), &after(&evaluator, &[soft]), 1e-6, 1e-4);
     // Soft selections are linear in what they change.
     let (none, thrice) = (source(0.0, "soft_red"), source(3.0, "soft_red"));
     let linear: Vec<f32> = plain.iter().zip(&none).map(|(p, n)| p + 2.0 * (p - n)).collect();

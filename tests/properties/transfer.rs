@@ -10,7 +10,7 @@ use chiaro::transport::edits::SourceBrush;
 use chiaro::transport::glossy::Gloss;
 use chiaro::transport::lighting::{Stage, leaving};
 use chiaro::transport::precompute::{Estimator, Placement, Quality, Settings, precompute};
-use chiaro::transport::{Basis, Samples, Transfer};
+use chiaro::transport::{Basis, Edit, Edits, Samples, Transfer};
 use chiaro::value::Value;
 use glam::{Mat4, Vec3};
 use serde_json::json;
@@ -91,7 +91,8 @@ fn bounces_in_a_furnace_are_a_geometric_series() {
         let reflectance = vec![[albedo, albedo, albedo, 1.0]; count];
         let brush = SourceBrush { selection: None, scale: 0.5, offset: Vec3::splat(0.25) };
         for (scale, offset, brushes) in [(1.0, 0.0, &[][..]), (0.5, 0.25, std::slice::from_ref(&brush))] {
-            let leaving = leaving(&stage, || lit.clone(), &reflectance, brushes.iter(), Key::of(&[])).unwrap();
+            let edits = Edits(brushes.iter().cloned().map(Edit::Source).collect());
+            let leaving = leaving(&stage, || lit.clone(), &reflectance, &edits, Key::of(&[])).unwrap();
             let first = e * albedo * scale + offset;
             let expected: f32 = (0..bounces as i32).map(|n| first * (albedo * scale).powi(n)).sum();
             for (sample, leaving) in leaving.exitance.iter().enumerate() {

@@ -5,7 +5,7 @@ use super::field::{PathField, Senders, Step};
 use super::importance::Importance;
 use super::shadows::Uncovered;
 use super::split::Split;
-use super::{Cost, Settings, rgb};
+use super::{Cost, Settings};
 use crate::Result;
 use crate::device::Array;
 use crate::memo::Key;
