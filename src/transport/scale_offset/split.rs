@@ -58,13 +58,14 @@ impl<'a> Split<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Geometry;
     use crate::transport::Selection;
     use crate::transport::edits::{Block, Change, Colour};
     use crate::transport::tone_curve::ToneCurve;
     use std::sync::Arc;
 
     fn edit(caster: bool, receiver: bool, curve: bool) -> Edit {
-        let some = || Arc::new(Selection::Names { geometry: [0; 16], objects: vec![], materials: vec![] });
+        let some = || Arc::new(Selection::by_name(&Geometry::default(), &[], &[]).unwrap());
         let block = Block { caster: caster.then(some), receiver: receiver.then(some) };
         let curve = if curve { ToneCurve::Gamma { gamma: 2.0, pivot: 1.0 } } else { ToneCurve::None };
         let change = Change::Colour(Colour { brightness: 2.0, saturation: 1.0, hue: 0.0, curve });
