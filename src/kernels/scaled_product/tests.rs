@@ -48,9 +48,10 @@ fn made_up(random: &mut Random, leaves: usize, rows: usize, scales: usize, most:
 
 fn dense(scales: &SparseRows, row: usize) -> Vec<[f32; 4]> {
     let mut coefficients = vec![[0.0; 4]; scales.columns()];
-    for channel in 0..3 {
+    let mut put = |channel: usize| {
         scales.row(3 * row + channel).for_each(|(index, value)| coefficients[index][channel] = value);
-    }
+    };
+    (0..3).for_each(&mut put);
     let field = haar_decode(&coefficients).unwrap();
     let factors: Vec<[f32; 4]> = field.iter().map(|f| [f[0] + 1.0, f[1] + 1.0, f[2] + 1.0, 1.0]).collect();
     average_pyramid(&Device::Cpu, &factors, 1).unwrap()

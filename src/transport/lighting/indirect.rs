@@ -56,7 +56,7 @@ impl Indirect {
         let leaving = leaving(stage, || received, &reflectance, edits, light.key())?;
         let diffuse = between.arriving(&Lane::diffuse(stage), &leaving, None)?;
         let (reflection, glossy) = reflection(light, &between, &leaving, &diffuse.gains)?;
-        let radiance = indirect_radiance(stage, &*light.view_reflectance()?, &diffuse.light, &reflection, edits)?;
+        let radiance = indirect_radiance(stage, &light.view_reflectance()?, &diffuse.light, &reflection, edits)?;
         bounded(&radiance, edits)?;
         let told = Told { parts: between.parts(), idle: idle(stage, edits)?, glossy };
         Ok(Self { leaving, irradiance: diffuse.light, gains: diffuse.gains, reflection, radiance, told })
@@ -81,13 +81,11 @@ fn bounded(radiance: &[[f32; 4]], edits: &Edits) -> Result<()> {
     Err(Error::compute(message, help))
 }
 
+/// Radiance, and places, rays and entries of its rows.
+type Reflection = (Vec<[f32; 4]>, Option<[u64; 3]>);
+
 /// Radiance that glossy surfaces reflect, at all view samples, and what it took; empty when there are none.
-fn reflection(
-    light: &SceneLight,
-    between: &Between,
-    leaving: &Leaving,
-    gains: &Gains,
-) -> Result<(Vec<[f32; 4]>, Option<[u64; 3]>)> {
+fn reflection(light: &SceneLight, between: &Between, leaving: &Leaving, gains: &Gains) -> Result<Reflection> {
     let (stage, gloss) = (light.stage, &light.gloss);
     let (transfer, model) = (stage.transfer, stage.transfer.settings.glossy);
     let key = Key::of(&[b"glossy", &stage.place.0, &gloss_key(gloss, model)]);

@@ -49,6 +49,9 @@ impl Paths<'_> {
         self.stage.memo.remember(key, bytes, || {
             let count = positions.map_or(self.lane.count(), |positions| positions.len());
             let receivers = Receivers::new(self.stage, self.lane, edits, positions)?;
+            if receivers.weights.is_empty() {
+                return self.branch(edits, positions);
+            }
             let mut total = vec![[0.0; 4]; count];
             for (branch, (places, weights)) in receivers.branches(count)? {
                 let chosen: Vec<&Transit> = receivers.edits_of(edits, branch);
@@ -229,6 +232,9 @@ fn factors(edits: &[&Transit], nearest: f32) -> Option<Factors> {
     factors
 }
 
+/// Per set of receivers that act (bit r for receiver r): places, and how much of the light there takes the branch.
+type Branches = BTreeMap<u128, (Vec<u32>, Vec<f32>)>;
+
 /// The receivers that a list of edits tells apart.
 struct Receivers {
     /// Per receiver, weights at the positions.
@@ -269,8 +275,8 @@ impl Receivers {
     }
 
     /// The branches that light takes at some sample: where, and how much of it.
-    fn branches(&self, count: usize) -> Result<BTreeMap<u128, (Vec<u32>, Vec<f32>)>> {
-        let mut branches: BTreeMap<u128, (Vec<u32>, Vec<f32>)> = BTreeMap::new();
+    fn branches(&self, count: usize) -> Result<Branches> {
+        let mut branches = Branches::new();
         let mut soft: Vec<(usize, f32)> = Vec::with_capacity(MOST_SOFT);
         for i in 0..count {
             let mut always = 0u128;
