@@ -161,7 +161,7 @@ fn odd_views_and_scenes_give_finite_pictures() {
     // Haar rows hold no paths: edits of paths say so, all others are shown.
     let haar = json!({ "transport": transport(json!({ "gather_samples": 1024, "tolerance": 0.2, "basis": "haar" })) });
     for (number, step) in stack().into_iter().enumerate() {
-        let plan = listed(&[step.clone()], haar.clone());
+        let plan = listed(std::slice::from_ref(&step), haar.clone());
         let target = plan.find("lit").unwrap();
         if ["falloff", "directionality"].contains(&step.0) {
             let never = std::sync::atomic::AtomicBool::new(false);

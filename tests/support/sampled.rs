@@ -13,7 +13,7 @@ pub fn random(seed: u32) -> f32 {
 
 /// Nothing touched, no vectors.
 pub fn untouched(geometry: &Geometry, transfer: &Transfer) -> Parts {
-    let none = rows(transfer.gather.count(), 0, |_, _| Ok(())).unwrap();
+    let none = rows(transfer.gather.count(), 0, || (), |_, (), _| Ok(())).unwrap();
     Parts {
         origin: Origin::of(geometry, transfer),
         view: ViewPlaces::of(&transfer.samples),
@@ -41,10 +41,15 @@ impl Field for Dense {
 }
 
 pub fn dense_rows(count: usize, number: usize, value: impl Fn(usize, usize) -> Vec3 + Sync) -> SparseRows {
-    rows(count, number, |row, out| {
-        out.fill(count, &mut Dense((0..count).map(|sample| value(row, sample)).collect()));
-        Ok(())
-    })
+    rows(
+        count,
+        number,
+        || (),
+        |row, (), out| {
+            out.fill(count, &mut Dense((0..count).map(|sample| value(row, sample)).collect()));
+            Ok(())
+        },
+    )
     .unwrap()
 }
 

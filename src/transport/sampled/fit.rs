@@ -14,6 +14,7 @@
 //! dark altogether is offset. Its scale is then `grey`, what the edit does to grey light, so that an unlit surface that a
 //! lamp reaches later is edited like its neighbours. Scales stay within `grey + edited / 2e` and `LARGEST`.
 
+use crate::image::colour::LUMINANCE;
 use crate::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -59,11 +60,12 @@ pub fn fit(original: &[[f32; 4]], edited: &[[f32; 4]]) -> Result<Fit> {
     Ok(Fit { scale, offset })
 }
 
-/// Scale and offset of one sample of finite light, `grey` from the sums over its channels.
+/// Scale and offset of one sample of finite light; `grey` by its luminance, which edits of hue and saturation keep, and 1
+/// in the dark.
 pub fn fit_one(original: [f32; 3], edited: [f32; 3]) -> [[f32; 3]; 2] {
-    let sum = |light: [f32; 3]| light.iter().map(|x| f64::from(*x)).sum::<f64>();
-    let (o, m) = (sum(original), sum(edited));
-    let grey = ((m * o + FLOOR * FLOOR) / (o * o + FLOOR * FLOOR)).clamp(0.0, LARGEST);
+    let luminance = |light: [f32; 3]| (0..3).map(|c| f64::from(LUMINANCE[c]) * f64::from(light[c])).sum::<f64>();
+    let (o, m) = (luminance(original), luminance(edited));
+    let grey = ((m * o + FLOOR * FLOOR) / (o * o + FLOOR * FLOOR)).clamp(-LARGEST, LARGEST);
     let (scale, offset) = fit_towards(original.into(), edited.into(), grey as f32);
     [scale.to_array(), offset.to_array()]
 }
@@ -142,7 +144,7 @@ mod tests {
     }
 
     /// Through and below the floor: a curve that goes from 0 to 3 with the floor at 1/20 of the way bends by up to
-    /// 2 x 3 (20 / 2000)² = 6e-4 a step; a jump would be the height of the curve.
+    /// 2 x 3 (20 / 2000)² = 6e-4 a step, and `grey` fades with it; a jump would be the height of the curve.
     #[test]
     fn nothing_jumps_while_light_fades_to_nothing() {
         for (name, edit) in edits() {
@@ -151,7 +153,7 @@ mod tests {
                     for (which, curve) in fades(colour, edit, from, fit_one).iter().enumerate() {
                         assert!(curve.iter().all(|x| x.is_finite()), "{name} of {colour:?}");
                         let steps_per_floor = 2000.0 * FLOOR / f64::from(from);
-                        let most = 1e-6 + 8.0 * (1.0 / steps_per_floor).powi(2).min(1.0);
+                        let most = 1e-6 + 16.0 * (1.0 / steps_per_floor).powi(2).min(1.0);
                         assert!(bend(curve) <= most, "{name} of {colour:?}, curve {which}: {} > {most}", bend(curve));
                     }
                 }
@@ -207,7 +209,7 @@ mod tests {
         let turned = (turn * Vec3::from(red)).to_array();
         let [scale, offset] = fit_one(red, turned);
         assert_eq!(offset[1..], turned[1..]);
-        assert!(scale.iter().all(|s| (0.0..=1.5).contains(s)), "{scale:?}");
+        assert!(scale.iter().all(|s| (-0.5..=1.5).contains(s)), "{scale:?}");
     }
 
     #[test]
