@@ -42,7 +42,8 @@ impl Indirect {
         let stage = light.stage;
         edits.check(&stage.geometry.fingerprint)?;
         for sampled in edits.sampled() {
-            let key = Key::of(&[b"checked", &stage.place.0, &sampled.digest()]);
+            let origin = serde_json::to_vec(&sampled.origin).expect("plain data");
+            let key = Key::of(&[b"checked", &stage.place.0, &origin]);
             stage.memo.remember(key, |()| 1, || sampled.check(stage.geometry, stage.transfer))?;
         }
         let glows = edits.source().any(|brush| brush.offset != Vec3::ZERO) || edits.sampled().next().is_some();

@@ -60,9 +60,13 @@ impl Paths<'_> {
                 }
                 let lane_places: Vec<u32> =
                     places.iter().map(|&i| positions.map_or(i, |positions| positions[i as usize])).collect();
-                let arriving = self.branch(&chosen, Some(&Arc::new(lane_places)))?;
-                for ((&i, weight), light) in places.iter().zip(weights).zip(arriving) {
-                    let sum = Vec4::from_array(total[i as usize]) + Vec4::from_array(light) * weight;
+                let lane_places = Arc::new(lane_places);
+                // Kept by itself: the slider of an edit does not change the branches that go without it.
+                let keys: Vec<[u8; 16]> = chosen.iter().map(|edit| edit_key(edit).0).collect();
+                let key = self.key(b"branch", &[bytemuck::cast_slice(&keys), bytemuck::cast_slice(&lane_places)]);
+                let arriving = self.stage.memo.remember(key, bytes, || self.branch(&chosen, Some(&lane_places)))?;
+                for ((&i, weight), light) in places.iter().zip(weights).zip(arriving.iter()) {
+                    let sum = Vec4::from_array(total[i as usize]) + Vec4::from_array(*light) * weight;
                     total[i as usize] = sum.to_array();
                 }
             }

@@ -9,33 +9,49 @@ pub struct Importance {
     below: Vec<f32>,
     /// The node's part of what its ancestors have; known for children of nodes that were entered.
     inherited: Vec<f32>,
-    /// Nodes of which any of these is set.
-    used: Vec<u32>,
+    /// Bit n: `below` of node n is set.
+    has_below: Vec<u64>,
+    /// Nodes of which `inherited` is set.
+    entered: Vec<u32>,
     total: f32,
 }
 
 impl Importance {
     /// Takes the weights of another row over the tree of `count` gather samples.
     pub fn load(&mut self, count: usize, row: impl Iterator<Item = (usize, f32)>) {
-        for &node in &self.used {
-            let node = node as usize;
-            (self.own[node], self.below[node], self.inherited[node]) = (0.0, 0.0, 0.0);
+        for word in 0..self.has_below.len() {
+            while self.has_below[word] != 0 {
+                let node = 64 * word + self.has_below[word].trailing_zeros() as usize;
+                (self.own[node], self.below[node]) = (0.0, 0.0);
+                self.has_below[word] &= self.has_below[word] - 1;
+            }
         }
-        self.used.clear();
+        self.entered.iter().for_each(|&node| self.inherited[node as usize] = 0.0);
+        self.entered.clear();
         self.total = 0.0;
+        self.has_below.resize((2 * count).div_ceil(64), 0);
         for list in [&mut self.own, &mut self.below, &mut self.inherited] {
             list.resize(2 * count, 0.0);
         }
         for (node, weight) in row.filter(|(node, _)| *node > 0) {
             self.own[node] += weight;
             self.total += weight;
-            let mut ancestor = node;
-            while ancestor > 0 {
-                if self.below[ancestor] == 0.0 {
-                    self.used.push(ancestor as u32);
+            self.below[node] += weight;
+            self.has_below[node / 64] |= 1 << (node % 64);
+        }
+        // Children come before their parents, from the last node to the first: each hands up what it has once.
+        for word in (0..self.has_below.len()).rev() {
+            let mut todo = self.has_below[word];
+            while todo != 0 {
+                let bit = 63 - todo.leading_zeros();
+                let node = 64 * word + bit as usize;
+                let parent = node / 2;
+                if parent > 0 {
+                    self.below[parent] += self.below[node];
+                    self.has_below[parent / 64] |= 1 << (parent % 64);
                 }
-                self.below[ancestor] += weight;
-                ancestor /= 2;
+                // What is left of this word, with parents that have just come in.
+                todo = self.has_below[word] & ((1 << bit) - 1);
             }
         }
     }
@@ -50,7 +66,7 @@ impl Importance {
         let half = 0.5 * (self.inherited[node] + self.own[node]);
         for child in [2 * node, 2 * node + 1] {
             self.inherited[child] = half;
-            self.used.push(child as u32);
+            self.entered.push(child as u32);
         }
     }
 }

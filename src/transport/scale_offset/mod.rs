@@ -169,14 +169,21 @@ fn eye(light: &SceneLight, edits: &Edits, split: &Split, edited: &Indirect, resi
 
 /// Relative root of the mean squared difference where edits change anything, and at how many samples they do.
 fn difference(plain: &[[f32; 4]], edited: &[[f32; 4]], again: &[[f32; 4]]) -> (f64, usize) {
-    let (mut squares, mut sum, mut count) = (0.0, 0.0, 0);
-    for ((plain, edited), again) in plain.iter().zip(edited).zip(again) {
-        if plain[..3] != edited[..3] || again[..3] != edited[..3] {
-            squares += f64::from((rgb(again) - rgb(edited)).length_squared());
-            sum += f64::from(rgb(edited).element_sum().abs());
-            count += 1;
+    // In parts of fixed size, so that the sums do not depend on the number of threads.
+    let part = |((plain, edited), again): ((&[[f32; 4]], &[[f32; 4]]), &[[f32; 4]])| {
+        let (mut squares, mut sum, mut count) = (0.0, 0.0, 0);
+        for ((plain, edited), again) in plain.iter().zip(edited).zip(again) {
+            if plain[..3] != edited[..3] || again[..3] != edited[..3] {
+                squares += f64::from((rgb(again) - rgb(edited)).length_squared());
+                sum += f64::from(rgb(edited).element_sum().abs());
+                count += 1;
+            }
         }
-    }
+        (squares, sum, count)
+    };
+    let parts: Vec<(f64, f64, usize)> =
+        plain.par_chunks(1 << 14).zip(edited.par_chunks(1 << 14)).zip(again.par_chunks(1 << 14)).map(part).collect();
+    let (squares, sum, count) = parts.iter().fold((0.0, 0.0, 0), |(a, b, c), (d, e, f)| (a + d, b + e, c + f));
     let mean = sum / (3 * count.max(1)) as f64;
     let error = (squares / (3 * count.max(1)) as f64).sqrt();
     (if error > 0.0 { error / mean.max(f64::MIN_POSITIVE) } else { 0.0 }, count)
