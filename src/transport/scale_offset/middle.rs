@@ -81,8 +81,9 @@ impl<'a> Middle<'a> {
         let count = stage.transfer.gather.count();
         let (slots, weights, making) = self.slots(stage);
         let classes = 0..self.touched.classes.len() as u32;
-        // As many pieces as there may be coefficients, each a linear ramp: its error is its range over sqrt(12).
-        let slack = settings.tolerance * (6.0 / settings.coefficients as f32).sqrt();
+        // As many pieces as there may be coefficients, each a linear ramp, whose error is its range over sqrt(12). Twice
+        // that: most pieces turn out to vary less, and asking for them is what rows cost.
+        let slack = 2.0 * settings.tolerance * (12.0 / settings.coefficients as f32).sqrt();
         let variation: Vec<Vec<f32>> = classes.into_par_iter().map(|class| self.colours(class).variation()).collect();
         let (kept, short) = (AtomicU64::new(0), AtomicU64::new(0));
         let truncate = |row: &mut Row, importance: Option<&Importance>| {
