@@ -157,7 +157,7 @@ fn a_forged_file_is_refused_with_what_is_wrong() {
         ("are not in order", |h, b| poke(h, b, "offset.entries", 0, u32::MAX)),
     ];
     for (number, (words, change)) in changes.iter().enumerate() {
-        let error = read_bytes(folder.path(), &forged(|header, body| change(header, body))).expect_err(words);
+        let error = read_bytes(folder.path(), &forged(change)).expect_err(words);
         let message = error.to_string();
         assert!(message.contains(words), "change {number}: \"{words}\" not in: {message}");
         assert!(error.exit_code() == 3 && message.contains("trial.edits") && !error.help().is_empty(), "{message}");

@@ -48,9 +48,8 @@ fn apply(device: &Device, transfer: &Transfer, sampled: &Sampled, light: &[[f32;
 /// The field of row `row`, as a pyramid.
 fn decoded(rows: &SparseRows, row: usize) -> Vec<[f32; 4]> {
     let mut coefficients = vec![[0.0; 4]; rows.columns()];
-    for c in 0..3 {
-        rows.row(3 * row + c).for_each(|(index, value)| coefficients[index][c] = value);
-    }
+    let mut put = |c: usize| rows.row(3 * row + c).for_each(|(index, value)| coefficients[index][c] = value);
+    (0..3).for_each(&mut put);
     average_pyramid(&Device::Cpu, &haar_decode(&coefficients).unwrap(), 1).unwrap()
 }
 

@@ -62,10 +62,10 @@ pub fn everything(geometry: &Geometry, transfer: &Transfer) -> Parts {
         let values = (0..count as u32).map(|i| [value(3 * i), value(3 * i + 1), value(3 * i + 2), last]);
         values.collect::<Vec<_>>().into()
     };
-    let touched: Vec<u32> = (0..view as u32).filter(|v| hash(*v) % 3 != 0).collect();
-    let slot = |row: u32| if row % 5 == 0 { UNTOUCHED } else { row % number };
+    let touched: Vec<u32> = (0..view as u32).filter(|v| !hash(*v).is_multiple_of(3)).collect();
+    let slot = |row: u32| if row.is_multiple_of(5) { UNTOUCHED } else { row % number };
     let slots: Vec<_> = touched.iter().map(|v| transfer.indices[*v as usize].map(slot)).collect();
-    let weight = |v: &u32| transfer.weights[*v as usize].map(|w| if v % 2 == 0 { w } else { 0.5 * w });
+    let weight = |v: &u32| transfer.weights[*v as usize].map(|w| if v.is_multiple_of(2) { w } else { 0.5 * w });
     let weights: Vec<_> = touched.iter().map(weight).collect();
     let smooth = |row: usize, sample: usize, scale: f32| {
         let p = Vec3::from(transfer.gather.points[sample].position) * (1.0 + 0.1 * row as f32);

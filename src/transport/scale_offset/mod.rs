@@ -170,7 +170,8 @@ fn eye(light: &SceneLight, edits: &Edits, split: &Split, edited: &Indirect, resi
 /// Relative root of the mean squared difference where edits change anything, and at how many samples they do.
 fn difference(plain: &[[f32; 4]], edited: &[[f32; 4]], again: &[[f32; 4]]) -> (f64, usize) {
     // In parts of fixed size, so that the sums do not depend on the number of threads.
-    let part = |((plain, edited), again): ((&[[f32; 4]], &[[f32; 4]]), &[[f32; 4]])| {
+    type Part<'a> = &'a [[f32; 4]];
+    let part = |((plain, edited), again): ((Part, Part), Part)| {
         let (mut squares, mut sum, mut count) = (0.0, 0.0, 0);
         for ((plain, edited), again) in plain.iter().zip(edited).zip(again) {
             if plain[..3] != edited[..3] || again[..3] != edited[..3] {
