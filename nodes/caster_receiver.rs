@@ -7,7 +7,6 @@ use crate::value::{Kind, Value};
 use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
 /// Acts on irradiance, before the receiver's own colour: brightness, saturation and hue first, then the curve.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -60,9 +59,7 @@ impl Node for CasterReceiver {
         }
         let block =
             Block { caster: inputs.selection("caster").cloned(), receiver: inputs.selection("receiver").cloned() };
-        let before = inputs.edits("edits").map(|edits| (**edits).clone()).unwrap_or_default();
-        let edits = before.and(Edit::Transit(Transit { block, change: self.change() }));
-        Ok(vec![Value::Edits(Arc::new(edits))])
+        Ok(inputs.edits_and(Edit::Transit(Transit { block, change: self.change() })))
     }
 }
 

@@ -7,7 +7,6 @@ use crate::{Error, Result};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
 /// Light from the side of `axis` gains and light from the other side loses; over all directions the mean stays.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -54,9 +53,7 @@ impl Node for Directionality {
             return Err(Error::compute(message, "give the direction towards the light, such as [1, 0, 0]"));
         }
         let block = Block { caster: None, receiver: inputs.selection("receiver").cloned() };
-        let before = inputs.edits("edits").map(|edits| (**edits).clone()).unwrap_or_default();
-        let edits = before.and(Edit::Transit(Transit { block, change: self.change() }));
-        Ok(vec![Value::Edits(Arc::new(edits))])
+        Ok(inputs.edits_and(Edit::Transit(Transit { block, change: self.change() })))
     }
 }
 

@@ -6,7 +6,6 @@ use crate::transport::edits::{Block, Change, Edit, Transit};
 use crate::value::{Kind, Value};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
 /// Light from afar gains and light from near loses when `exponent` is below 2, and the other way round above it; light
 /// from `distance` away stays as it is. Light from nearer than gather samples are apart counts as from there.
@@ -52,9 +51,7 @@ impl Node for Falloff {
     fn run(&self, inputs: &Inputs, _: &Job) -> Result<Vec<Value>> {
         let block =
             Block { caster: inputs.selection("caster").cloned(), receiver: inputs.selection("receiver").cloned() };
-        let before = inputs.edits("edits").map(|edits| (**edits).clone()).unwrap_or_default();
-        let edits = before.and(Edit::Transit(Transit { block, change: self.change() }));
-        Ok(vec![Value::Edits(Arc::new(edits))])
+        Ok(inputs.edits_and(Edit::Transit(Transit { block, change: self.change() })))
     }
 }
 

@@ -50,9 +50,7 @@ impl Node for IlluminationBrush {
     }
 
     fn run(&self, inputs: &Inputs, _: &Job) -> Result<Vec<Value>> {
-        let before = inputs.edits("edits").map(|edits| (**edits).clone()).unwrap_or_default();
-        let edits = before.and(Edit::Eye(self.brush(inputs.selection("selection").cloned())));
-        Ok(vec![Value::Edits(Arc::new(edits))])
+        Ok(inputs.edits_and(Edit::Eye(self.brush(inputs.selection("selection").cloned()))))
     }
 }
 

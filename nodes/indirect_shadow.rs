@@ -6,7 +6,6 @@ use crate::transport::edits::{Block, Change, Edit, Transit};
 use crate::value::{Kind, Value};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 
 /// What lies between caster and receiver, parts of the caster included, blocks less of the caster's light. Reflections
 /// in glossy receivers stay.
@@ -49,9 +48,7 @@ impl Node for IndirectShadow {
     fn run(&self, inputs: &Inputs, _: &Job) -> Result<Vec<Value>> {
         let block =
             Block { caster: inputs.selection("caster").cloned(), receiver: inputs.selection("receiver").cloned() };
-        let before = inputs.edits("edits").map(|edits| (**edits).clone()).unwrap_or_default();
-        let edits = before.and(Edit::Transit(Transit { block, change: self.change() }));
-        Ok(vec![Value::Edits(Arc::new(edits))])
+        Ok(inputs.edits_and(Edit::Transit(Transit { block, change: self.change() })))
     }
 }
 

@@ -48,9 +48,7 @@ impl Node for SourceBrush {
     }
 
     fn run(&self, inputs: &Inputs, _: &Job) -> Result<Vec<Value>> {
-        let before = inputs.edits("edits").map(|edits| (**edits).clone()).unwrap_or_default();
-        let edits = before.and(Edit::Source(self.brush(inputs.selection("selection").cloned())));
-        Ok(vec![Value::Edits(Arc::new(edits))])
+        Ok(inputs.edits_and(Edit::Source(self.brush(inputs.selection("selection").cloned()))))
     }
 }
 

@@ -200,6 +200,14 @@ accessors! {
     image, need_image, Image, crate::image::Image;
 }
 
+impl Inputs<'_> {
+    /// What every edit node gives: the list on its port `edits`, if any, with one more edit at its end.
+    pub fn edits_and(&self, edit: crate::transport::Edit) -> Vec<Value> {
+        let before = self.edits("edits").map(|edits| (**edits).clone()).unwrap_or_default();
+        vec![Value::Edits(Arc::new(before.and(edit)))]
+    }
+}
+
 /// Parts of a scene, handed out only to nodes that declare that they read them: hash and computation see the same.
 impl Inputs<'_> {
     fn part<T>(&self, port: &str, facet: Facet, take: impl Fn(&crate::scene::Scene) -> Arc<T>) -> Result<Arc<T>> {
