@@ -198,6 +198,11 @@ accessors! {
     selection, need_selection, Selection, crate::transport::Selection;
     edits, need_edits, Edits, crate::transport::Edits;
     image, need_image, Image, crate::image::Image;
+    environment, need_environment, Environment, crate::scene::Environment;
+    visibility, need_visibility, Visibility, crate::transport::shadow::Visibility;
+    transport, need_transport, Transport, crate::transport::shadow::DirectTransport;
+    light, need_light, Light, crate::transport::shadow::Lamp;
+    ratio, need_ratio, Ratio, crate::transport::shadow::Ratio;
 }
 
 impl Inputs<'_> {

@@ -1,8 +1,9 @@
 //! What travels on wires (DESIGN section 5). Values are immutable and shared; an edit makes a new one.
 
 use crate::image::Image;
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Environment, Scene};
 use crate::stored::{SectionReader, SectionWriter, Stored};
+use crate::transport::shadow::{DirectTransport, Lamp, Ratio, Visibility};
 use crate::transport::{Edits, Samples, Selection, Transfer};
 use std::sync::Arc;
 
@@ -17,6 +18,11 @@ pub enum Kind {
     Selection,
     Edits,
     Image,
+    Environment,
+    Visibility,
+    Transport,
+    Light,
+    Ratio,
 }
 
 impl Kind {
@@ -29,6 +35,11 @@ impl Kind {
             Self::Selection => "selection",
             Self::Edits => "edits",
             Self::Image => "image",
+            Self::Environment => "environment",
+            Self::Visibility => "visibility",
+            Self::Transport => "transport",
+            Self::Light => "light",
+            Self::Ratio => "ratio",
         }
     }
 
@@ -47,6 +58,11 @@ pub enum Value {
     Selection(Arc<Selection>),
     Edits(Arc<Edits>),
     Image(Arc<Image>),
+    Environment(Arc<Environment>),
+    Visibility(Arc<Visibility>),
+    Transport(Arc<DirectTransport>),
+    Light(Arc<Lamp>),
+    Ratio(Arc<Ratio>),
 }
 
 impl Value {
@@ -59,6 +75,11 @@ impl Value {
             Self::Selection(_) => Kind::Selection,
             Self::Edits(_) => Kind::Edits,
             Self::Image(_) => Kind::Image,
+            Self::Environment(_) => Kind::Environment,
+            Self::Visibility(_) => Kind::Visibility,
+            Self::Transport(_) => Kind::Transport,
+            Self::Light(_) => Kind::Light,
+            Self::Ratio(_) => Kind::Ratio,
         }
     }
 
@@ -72,6 +93,11 @@ impl Value {
             Self::Selection(v) => v.bytes(),
             Self::Edits(v) => v.bytes(),
             Self::Image(v) => v.bytes(),
+            Self::Environment(v) => v.bytes(),
+            Self::Visibility(v) => v.bytes(),
+            Self::Transport(v) => v.bytes(),
+            Self::Light(v) => v.bytes(),
+            Self::Ratio(v) => v.bytes(),
         }
     }
 

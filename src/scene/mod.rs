@@ -3,6 +3,8 @@
 pub mod builtin;
 pub mod bvh;
 pub mod camera;
+pub mod cube;
+pub mod environment;
 pub mod file;
 mod file_material;
 pub mod geometry;
@@ -13,6 +15,7 @@ pub mod texture;
 pub mod wide;
 
 pub use camera::Camera;
+pub use environment::Environment;
 pub use geometry::{Fingerprint, Geometry, SurfacePoint};
 pub use light::{Light, LightKind};
 pub use material::Material;

@@ -16,6 +16,7 @@ pub mod samples;
 pub mod sampling;
 pub mod scale_offset;
 pub mod selection;
+pub mod shadow;
 pub mod sides;
 pub mod sparse;
 mod stored;
