@@ -1,5 +1,6 @@
 //! The list of node types: one file and one entry each. Help, schema, README table and inspector come from it.
 
+pub mod blur_shadow;
 pub mod camera;
 pub mod caster_receiver;
 pub mod compare;
@@ -16,12 +17,17 @@ pub mod pick;
 pub mod read_edits;
 pub mod read_image;
 pub mod relight;
+pub mod remove_shadow;
+pub mod rotate_shadow;
 pub mod scale_offset;
 pub mod scene;
 pub mod select;
+pub mod shadow_gradient;
 pub mod source_brush;
+pub mod tint_shadow;
 pub mod tone_map;
 pub mod transfer;
+pub mod translate_shadow;
 pub mod view_samples;
 pub mod write_edits;
 pub mod write_image;
@@ -48,6 +54,12 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<write_edits::WriteEdits>(),
     NodeType::of::<scale_offset::ScaleOffset>(),
     NodeType::of::<relight::Relight>(),
+    NodeType::of::<remove_shadow::RemoveShadow>(),
+    NodeType::of::<shadow_gradient::ShadowGradient>(),
+    NodeType::of::<translate_shadow::TranslateShadow>(),
+    NodeType::of::<rotate_shadow::RotateShadow>(),
+    NodeType::of::<blur_shadow::BlurShadow>(),
+    NodeType::of::<tint_shadow::TintShadow>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),

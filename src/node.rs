@@ -213,6 +213,22 @@ impl Inputs<'_> {
     }
 }
 
+impl Inputs<'_> {
+    /// What every node that edits shadows gives: the visibility on its port, with one more edit at its end.
+    ///
+    /// # Errors
+    /// A group that the visibility does not have; a light of another size, a selection of another scene.
+    pub fn visibility_and(
+        &self,
+        group: Option<&str>,
+        change: crate::transport::shadow::ShadowChange,
+    ) -> Result<Vec<Value>> {
+        let (lamp, selection) = (self.light("light").cloned(), self.selection("selection").cloned());
+        let edit = crate::transport::shadow::ShadowEdit { group: group.map(str::to_owned), lamp, selection, change };
+        Ok(vec![Value::Visibility(Arc::new(self.need_visibility("visibility")?.and(edit)?))])
+    }
+}
+
 /// Parts of a scene, handed out only to nodes that declare that they read them: hash and computation see the same.
 impl Inputs<'_> {
     fn part<T>(&self, port: &str, facet: Facet, take: impl Fn(&crate::scene::Scene) -> Arc<T>) -> Result<Arc<T>> {

@@ -6,6 +6,8 @@
 
 #[path = "twins/rays.rs"]
 mod rays;
+#[path = "twins/shadows.rs"]
+mod shadows;
 
 use chiaro::device::{Array, Choice, Device};
 use chiaro::kernels::colour_edits::{ColourEdit, Knot};
@@ -50,6 +52,8 @@ const TESTS: &[(&str, Test)] = &[
     ("path_product", path_products),
     ("primary_visibility", rays::views),
     ("scaled_product", scaled),
+    ("shadow_filter", shadows::filters),
+    ("shadow_light", shadows::light),
     ("sparse_product", products),
     ("surroundings", rays::openness),
     ("tone_map", tones),

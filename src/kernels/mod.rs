@@ -19,6 +19,8 @@ pub mod scaled_product;
 mod shared {
     pub mod credit;
 }
+pub mod shadow_filter;
+pub mod shadow_light;
 pub mod sparse_product;
 pub mod surroundings;
 pub mod tone_map;
@@ -65,6 +67,8 @@ pub const ALL: &[&Kernel] = &[
     &path_product::KERNEL,
     &primary_visibility::KERNEL,
     &scaled_product::KERNEL,
+    &shadow_filter::KERNEL,
+    &shadow_light::KERNEL,
     &sparse_product::KERNEL,
     &surroundings::KERNEL,
     &tone_map::KERNEL,

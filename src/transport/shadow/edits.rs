@@ -15,8 +15,9 @@
 //! ```
 //! Edits of one group act on what its objects block, before those of all objects act on what all block together.
 
-use super::Lamp;
+use super::{Lamp, Visibility};
 use crate::transport::Selection;
+use crate::{Error, Result};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -45,4 +46,29 @@ pub enum ShadowChange {
     Blur { angle: f32 },
     /// Light that comes through, linear RGB in [0, 1].
     Tint { amount: f32, colour: Vec3 },
+}
+
+impl Visibility {
+    /// The same, with one more edit at the end of its list.
+    ///
+    /// # Errors
+    /// A group that it does not have; a lamp of another size, a selection of another geometry.
+    pub fn and(&self, edit: ShadowEdit) -> Result<Self> {
+        if let Some(group) = &edit.group
+            && !self.groups.iter().any(|known| known.name == *group)
+        {
+            let known: Vec<&str> = self.groups.iter().map(|group| group.name.as_str()).collect();
+            let message = format!("there is no visibility group \"{group}\"; there are {}", known.join(", "));
+            return Err(Error::compute(message, "name one of them, or add it to `groups` of the visibility node"));
+        }
+        if let Some(lamp) = &edit.lamp {
+            lamp.check(self.size)?;
+        }
+        if let Some(selection) = &edit.selection {
+            selection.check(&self.samples.geometry)?;
+        }
+        let mut all = self.clone();
+        all.edits.push(edit);
+        Ok(all)
+    }
 }

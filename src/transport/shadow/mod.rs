@@ -3,12 +3,14 @@
 //! ```text
 //! lamp        the part of an environment that a shadow belongs to
 //! edits       what to do to the shadow of a lamp at some samples
+//! edited      doing it
 //! visibility  what samples see of the cube's faces, per group of objects, and its edits
 //! direct      what light would do without shadows: an environment, and the samples it falls on
 //! ratio       a shadow as a picture of factors
 //! ```
 
 pub mod direct;
+pub mod edited;
 pub mod edits;
 pub mod lamp;
 pub mod ratio;
