@@ -24,11 +24,13 @@ pub mod scene;
 pub mod select;
 pub mod shadow_gradient;
 pub mod source_brush;
+pub mod texel_samples;
 pub mod tint_shadow;
 pub mod tone_map;
 pub mod transfer;
 pub mod translate_shadow;
 pub mod view_samples;
+pub mod view_texels;
 pub mod write_edits;
 pub mod write_image;
 
@@ -40,6 +42,8 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<material::Material>(),
     NodeType::of::<camera::Camera>(),
     NodeType::of::<view_samples::ViewSamples>(),
+    NodeType::of::<texel_samples::TexelSamples>(),
+    NodeType::of::<view_texels::ViewTexels>(),
     NodeType::of::<transfer::Transfer>(),
     NodeType::of::<pick::Pick>(),
     NodeType::of::<paint::Paint>(),

@@ -3,7 +3,7 @@
 use glam::{Mat3, Vec3};
 
 /// Looks along its own -Z with +Y up (glTF).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Camera {
     pub name: String,
     /// Metres, world.

@@ -1,5 +1,6 @@
 //! The mathematics of light transport: surface samples, gather samples, transfer rows, Haar, edits.
 
+pub mod atlas;
 pub mod atoms;
 pub mod cluster;
 pub mod compress;

@@ -3,9 +3,12 @@
 use crate::device::{Array, Device};
 use crate::kernels::primary_visibility::primary_visibility;
 use crate::scene::{Camera, Fingerprint, Geometry, Material, SurfacePoint};
+use crate::transport::atlas::Atlas;
 use crate::transport::rows::Grid;
 use crate::{Error, Result, memory};
+use glam::Vec4;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// N = width x height x across x down points, row-major by pixel, samples of a pixel together.
 #[derive(Clone, Debug)]
@@ -15,7 +18,10 @@ pub struct Samples {
     /// Samples across and down a pixel.
     pub across: usize,
     pub down: usize,
+    /// Of a view; texels of an atlas are seen from nowhere.
     pub camera: Camera,
+    /// Of texel samples.
+    pub atlas: Option<Arc<Atlas>>,
     /// Of the geometry that they lie on.
     pub geometry: Fingerprint,
     pub points: Array<SurfacePoint>,
@@ -56,6 +62,7 @@ impl Samples {
             across: across as usize,
             down: down as usize,
             camera: camera.clone(),
+            atlas: None,
             geometry: geometry.fingerprint,
             points: visible.points.into(),
             barycentrics: visible.barycentrics.into(),
@@ -77,7 +84,17 @@ impl Samples {
     }
 
     pub fn bytes(&self) -> u64 {
-        Self::BYTES * self.points.len() as u64
+        Self::BYTES * self.points.len() as u64 + self.atlas.as_ref().map_or(0, |atlas| atlas.bytes())
+    }
+
+    /// Mean over the samples of each pixel.
+    pub fn resolve(&self, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4> {
+        let per_pixel = self.per_pixel();
+        (0..self.width * self.height)
+            .into_par_iter()
+            .with_min_len(4096)
+            .map(|pixel| (pixel * per_pixel..(pixel + 1) * per_pixel).map(&value).sum::<Vec4>() / per_pixel as f32)
+            .collect()
     }
 
     /// The samples side by side, as row placement wants them.

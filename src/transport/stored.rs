@@ -2,6 +2,7 @@
 
 use crate::scene::{Camera, Fingerprint};
 use crate::stored::{SectionReader, SectionWriter, Stored};
+use crate::transport::atlas::Atlas;
 use crate::transport::gather::Gather;
 use crate::transport::precompute::Settings;
 use crate::transport::sparse::{EntryFormat, SparseRows};
@@ -13,6 +14,8 @@ use std::sync::Arc;
 #[derive(Serialize, Deserialize)]
 struct View {
     size: [usize; 4],
+    /// Size of the atlas, and whether its coordinates are the file's own.
+    atlas: Option<(usize, bool)>,
     geometry: Fingerprint,
     name: String,
     position: Vec3,
@@ -24,15 +27,23 @@ impl Stored for Samples {
     fn write<'a>(&'a self, sections: &mut SectionWriter<'a>) {
         let Camera { name, position, world_from_camera, fov_y } = self.camera.clone();
         let size = [self.width, self.height, self.across, self.down];
-        sections.value(&View { size, geometry: self.geometry, name, position, world_from_camera, fov_y });
+        let atlas = self.atlas.as_ref().map(|atlas| (atlas.size, atlas.from_file));
+        sections.value(&View { size, atlas, geometry: self.geometry, name, position, world_from_camera, fov_y });
         sections.slice(&self.points);
         sections.slice(&self.barycentrics);
+        if let Some(atlas) = &self.atlas {
+            sections.slice(&atlas.uvs);
+        }
     }
 
     fn read(sections: &mut SectionReader) -> Option<Self> {
-        let View { size: [width, height, across, down], geometry, name, position, world_from_camera, fov_y } =
+        let View { size: [width, height, across, down], atlas, geometry, name, position, world_from_camera, fov_y } =
             sections.value()?;
         let (points, barycentrics) = (sections.vec()?, sections.vec()?);
+        let atlas = match atlas {
+            Some((size, from_file)) => Some(Arc::new(Atlas { size, uvs: sections.vec()?.into(), from_file })),
+            None => None,
+        };
         let count = [height, across, down].into_iter().try_fold(width, usize::checked_mul)?;
         let camera = Camera { name, position, world_from_camera, fov_y };
         (points.len() == count && barycentrics.len() == count).then(|| Self {
@@ -41,6 +52,7 @@ impl Stored for Samples {
             across,
             down,
             camera,
+            atlas,
             geometry,
             points: points.into(),
             barycentrics: barycentrics.into(),
