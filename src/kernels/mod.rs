@@ -10,11 +10,13 @@ pub mod colour_edits;
 pub mod direct_light;
 pub mod entry_ways;
 pub mod glossy_rows;
+pub mod haar2d_encode;
 pub mod haar_encode;
 pub mod hidden_rows;
 pub mod interpolate;
 pub mod path_product;
 pub mod primary_visibility;
+pub mod run_light;
 pub mod scaled_product;
 mod shared {
     pub mod credit;
@@ -29,8 +31,10 @@ pub use average_pyramid::average_pyramid;
 pub use colour_edits::colour_edits;
 pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
+pub use haar2d_encode::haar2d_encode;
 pub use interpolate::interpolate;
 pub use path_product::path_product;
+pub use run_light::run_light;
 pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
 pub use surroundings::surroundings;
@@ -59,11 +63,13 @@ pub const ALL: &[&Kernel] = &[
     &direct_light::KERNEL,
     &entry_ways::KERNEL,
     &glossy_rows::KERNEL,
+    &haar2d_encode::KERNEL,
     &haar_encode::KERNEL,
     &hidden_rows::KERNEL,
     &interpolate::KERNEL,
     &path_product::KERNEL,
     &primary_visibility::KERNEL,
+    &run_light::KERNEL,
     &scaled_product::KERNEL,
     &sparse_product::KERNEL,
     &surroundings::KERNEL,
