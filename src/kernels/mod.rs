@@ -26,6 +26,7 @@ pub mod surroundings;
 pub mod tone_map;
 pub mod transfer_points;
 pub mod transfer_rows;
+pub mod visibility_masks;
 
 pub use average_pyramid::average_pyramid;
 pub use colour_edits::colour_edits;
@@ -39,6 +40,7 @@ pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
 pub use surroundings::surroundings;
 pub use tone_map::tone_map;
+pub use visibility_masks::visibility_masks;
 
 use crate::device::Kernel;
 use crate::{Error, Result};
@@ -76,6 +78,7 @@ pub const ALL: &[&Kernel] = &[
     &tone_map::KERNEL,
     &transfer_points::KERNEL,
     &transfer_rows::KERNEL,
+    &visibility_masks::KERNEL,
 ];
 
 /// The length of each of `count` vectors in a slice of `total` elements; `Error::Compute` when it does not divide.
@@ -116,12 +119,17 @@ const RAYS: usize = 1 << 20;
 /// `Error::Device` when the hierarchy is deeper than the stack of shaders/shared/bvh.wgsl.
 #[cfg(feature = "gpu")]
 fn fits_the_shader(geometry: &crate::scene::Geometry) -> Result<()> {
+    hierarchy_fits(&geometry.bvh)
+}
+
+#[cfg(feature = "gpu")]
+fn hierarchy_fits(bvh: &crate::scene::bvh::Bvh) -> Result<()> {
     const LEVELS: usize = 96;
-    if geometry.bvh.depth <= LEVELS {
+    if bvh.depth <= LEVELS {
         return Ok(());
     }
     Err(Error::device(
-        format!("the scene's hierarchy has {} levels, the GPU's kernels go down {LEVELS}", geometry.bvh.depth),
+        format!("the scene's hierarchy has {} levels, the GPU's kernels go down {LEVELS}", bvh.depth),
         "use --device cpu; heaps of coincident triangles make such trees",
     ))
 }
