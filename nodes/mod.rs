@@ -9,6 +9,7 @@ pub mod falloff;
 pub mod grade;
 pub mod illumination_brush;
 pub mod indirect_shadow;
+pub mod integrate;
 pub mod light;
 pub mod material;
 pub mod merge;
@@ -29,8 +30,10 @@ pub mod tint_shadow;
 pub mod tone_map;
 pub mod transfer;
 pub mod translate_shadow;
+pub mod transport;
 pub mod view_samples;
 pub mod view_texels;
+pub mod visibility;
 pub mod write_edits;
 pub mod write_image;
 
@@ -64,6 +67,9 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<rotate_shadow::RotateShadow>(),
     NodeType::of::<blur_shadow::BlurShadow>(),
     NodeType::of::<tint_shadow::TintShadow>(),
+    NodeType::of::<visibility::Visibility>(),
+    NodeType::of::<transport::Transport>(),
+    NodeType::of::<integrate::Integrate>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),

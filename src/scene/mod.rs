@@ -10,6 +10,7 @@ mod file_material;
 pub mod geometry;
 pub mod light;
 pub mod material;
+pub mod occluders;
 pub mod sound;
 pub mod texture;
 pub mod wide;
@@ -19,6 +20,7 @@ pub use environment::Environment;
 pub use geometry::{Fingerprint, Geometry, SurfacePoint};
 pub use light::{Light, LightKind};
 pub use material::Material;
+pub use occluders::Occluders;
 
 use std::sync::Arc;
 

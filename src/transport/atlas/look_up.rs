@@ -60,7 +60,7 @@ pub fn look_up(texels: &Samples, values: &[[f32; 4]], view: &Samples) -> Result<
         if total > 1e-3 {
             return Some((sum / total).to_array());
         }
-        nearest(x, y, |i, j| at(i, j, point.object)).map(Vec4::to_array)
+        nearest(x, y, |i, j| at(i, j, point.object)).map(|value| value.to_array())
     };
     let found: Vec<Option<[f32; 4]>> =
         view.points.par_iter().zip(&view.barycentrics[..]).with_min_len(4096).map(one).collect();

@@ -1,17 +1,21 @@
 //! How much each edit of a list does at each sample.
 
-use crate::Result;
 use crate::scene::SurfacePoint;
 use crate::transport::shadow::{ShadowChange, ShadowEdit};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Of one edit: per sample, the share of its shadow that the edit's result replaces, before lamp and colour.
-pub fn amounts(edit: &ShadowEdit, points: &[SurfacePoint]) -> Result<Vec<f32>> {
-    let mut amounts = match &edit.selection {
+/// Weights of an edit's selection at the samples.
+pub fn selected(edit: &ShadowEdit, points: &[SurfacePoint]) -> Vec<f32> {
+    match &edit.selection {
         Some(selection) => selection.weights(points),
         None => points.iter().map(|point| f32::from(u8::from(point.exists()))).collect(),
-    };
+    }
+}
+
+/// Of one edit: per sample, the share of its shadow that the edit's result replaces, before lamp and colour.
+pub fn amounts(edit: &ShadowEdit, points: &[SurfacePoint], selected: &[f32]) -> Vec<f32> {
+    let mut amounts = selected.to_vec();
     match edit.change {
         ShadowChange::Fade { amount } | ShadowChange::Tint { amount, .. } => {
             amounts.iter_mut().for_each(|share| *share *= amount);
@@ -26,7 +30,7 @@ pub fn amounts(edit: &ShadowEdit, points: &[SurfacePoint]) -> Result<Vec<f32>> {
         }
         ShadowChange::Move { .. } | ShadowChange::Turn { .. } | ShadowChange::Blur { .. } => {}
     }
-    Ok(amounts)
+    amounts
 }
 
 /// What an edit's amount is multiplied with in each colour.

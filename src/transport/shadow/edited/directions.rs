@@ -1,16 +1,18 @@
 //! Light of edited samples, direction by direction: any edit, and as dear as its lamp is large.
 
 use super::amounts::colour;
-use super::chain::{Chain, reach};
+use super::chain::Chain;
+use super::read::shadows;
+use crate::Result;
 use crate::device::{Array, Device};
 use crate::kernels::shadow_filter::shadow_filter;
 use crate::kernels::shadow_light::{Beam, shadow_light};
 use crate::progress::Progress;
 use crate::scene::{Environment, cube};
 use crate::transport::shadow::{ShadowEdit, Visibility};
-use crate::Result;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Bytes of slots that are worked on at once.
 const TILE: usize = 64 << 20;
@@ -34,9 +36,9 @@ pub struct Directions<'a> {
 }
 
 impl<'a> Directions<'a> {
-    pub fn new(visibility: &'a Visibility, environment: &Environment) -> Self {
+    /// `outputs`: texels whose light is asked for, ascending.
+    pub fn new(visibility: &'a Visibility, environment: &Environment, outputs: Vec<u32>) -> Self {
         let (size, edits) = (visibility.size, &visibility.edits);
-        let outputs = reach(edits.iter(), size);
         let numbers = |group: Option<&str>| -> Vec<usize> {
             (0..edits.len()).filter(|&e| edits[e].group.as_deref() == group).collect()
         };
@@ -78,30 +80,34 @@ impl<'a> Directions<'a> {
         device: &Device,
         progress: Progress,
         samples: &[u32],
-        amounts: &[Vec<f32>],
+        amounts: &[Arc<Vec<f32>>],
     ) -> Result<Vec<[f32; 4]>> {
         let tinted = self.visibility.edits.iter().any(|edit| colour(edit) != Vec3::ONE);
         let lanes = if tinted { 3 } else { 1 };
         let tile = (TILE / (4 * self.slots().max(1) * lanes)).clamp(1, 4096);
         let mut light = Vec::with_capacity(samples.len());
-        for (number, samples) in samples.chunks(tile).enumerate() {
-            progress.step("shadow edits", (number * tile) as u64, samples.len() as u64)?;
+        let stage = progress.stage("edits of shadows", samples.len() as u64);
+        for samples in samples.chunks(tile) {
             light.extend(self.tile(device, samples, amounts, lanes)?);
+            stage.advance(samples.len() as u64)?;
         }
         Ok(light)
     }
 
-    fn tile(&self, device: &Device, samples: &[u32], amounts: &[Vec<f32>], lanes: usize) -> Result<Vec<[f32; 4]>> {
+    fn tile(&self, device: &Device, samples: &[u32], amounts: &[Arc<Vec<f32>>], lanes: usize) -> Result<Vec<[f32; 4]>> {
         let of_edit = |edit: usize, lane: usize| -> Vec<f32> {
             let factor = colour(&self.visibility.edits[edit])[lane];
             samples.iter().map(|&sample| factor * amounts[edit][sample as usize]).collect()
         };
-        let raw: Vec<Vec<f32>> =
-            self.parts.iter().map(|(part, _)| self.visibility.shadows(part.group, samples, &part.chain.inputs)).collect();
+        let raw: Vec<Vec<f32>> = self
+            .parts
+            .iter()
+            .map(|(part, _)| shadows(self.visibility, &self.visibility.groups[part.group], samples, &part.chain.inputs))
+            .collect();
         // Of all groups together before any edit, where edits are seen.
-        let before = together(self.parts.iter().zip(&raw).map(|((part, _), raw)| {
-            picked(raw, &part.chain.inputs, &self.outputs)
-        }));
+        let before = together(
+            self.parts.iter().zip(&raw).map(|((part, _), raw)| picked(raw, &part.chain.inputs, &self.outputs)),
+        );
         let mut change = Vec::with_capacity(lanes * before.len());
         for lane in 0..lanes {
             let run = |chain: &Chain, numbers: &[usize], shadows: &[f32]| -> Result<Vec<f32>> {
@@ -122,10 +128,8 @@ impl<'a> Directions<'a> {
             change.par_extend(before.par_iter().zip(&after).with_min_len(4096).map(|(before, after)| before - after));
         }
         let points = &self.visibility.samples.points;
-        let normals: Vec<[f32; 4]> = samples
-            .iter()
-            .map(|&sample| Vec3::from(points[sample as usize].normal).extend(0.0).to_array())
-            .collect();
+        let normals: Vec<[f32; 4]> =
+            samples.iter().map(|&sample| Vec3::from(points[sample as usize].normal).extend(0.0).to_array()).collect();
         shadow_light(device, &self.beams, &normals, &change, lanes)
     }
 }
