@@ -115,6 +115,28 @@ impl Builder {
         }
     }
 
+    /// A torus: a tube around a circle about `axis`, which has length 1.
+    pub fn ring(&mut self, object: &str, material: u32, centre: Vec3, axis: Vec3, radius: f32, tube: f32) {
+        const AROUND: u32 = 72;
+        const ACROSS: u32 = 16;
+        let turn = |step: u32, steps: u32| (std::f32::consts::TAU * step as f32 / steps as f32).sin_cos();
+        let (mut positions, mut normals) = (Vec::new(), Vec::new());
+        for (s, t) in (0..AROUND).flat_map(|s| (0..ACROSS).map(move |t| (s, t))) {
+            let ((sin, cos), (rise, out)) = (turn(s, AROUND), turn(t, ACROSS));
+            let away = Vec3::new(sin, 0.0, cos);
+            let normal = away * out + Vec3::Y * rise;
+            positions.push((away * radius + normal * tube).to_array());
+            normals.push(normal.to_array());
+        }
+        let at = |s: u32, t: u32| (s % AROUND) * ACROSS + t % ACROSS;
+        let indices: Vec<u32> = (0..AROUND)
+            .flat_map(|s| (0..ACROSS).map(move |t| (s, t)))
+            .flat_map(|(s, t)| [at(s, t), at(s + 1, t), at(s + 1, t + 1), at(s, t), at(s + 1, t + 1), at(s, t + 1)])
+            .collect();
+        let place = Mat4::from_rotation_translation(Quat::from_rotation_arc(Vec3::Y, axis), centre);
+        self.mesh(object, material, &positions, Some(&normals), &indices, place);
+    }
+
     pub fn finish(self, lights: Vec<Light>, cameras: Vec<Camera>) -> Scene {
         let names = self.materials.iter().map(|material| material.name.clone()).collect();
         let geometry = self.geometry.finish(names).expect("built-in scenes have triangles");

@@ -3,13 +3,14 @@
 mod builder;
 mod hall;
 mod room;
+mod yard;
 
 use crate::scene::Scene;
 
 type Make = fn() -> Scene;
 
 /// Of each: its name and what makes it.
-const SCENES: &[(&str, Make)] = &[("hall", hall::hall), ("room", room::room)];
+const SCENES: &[(&str, Make)] = &[("hall", hall::hall), ("room", room::room), ("yard", yard::yard)];
 
 pub fn names() -> impl Iterator<Item = &'static str> {
     SCENES.iter().map(|(name, _)| *name)
