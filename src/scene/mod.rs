@@ -8,6 +8,8 @@ pub mod environment;
 pub mod file;
 mod file_material;
 pub mod geometry;
+pub mod lat_long;
+mod lat_long_cube;
 pub mod light;
 pub mod material;
 pub mod sound;
@@ -17,6 +19,7 @@ pub mod wide;
 pub use camera::Camera;
 pub use environment::Environment;
 pub use geometry::{Fingerprint, Geometry, SurfacePoint};
+pub use lat_long::LatLong;
 pub use light::{Light, LightKind};
 pub use material::Material;
 
