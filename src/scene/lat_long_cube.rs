@@ -165,7 +165,8 @@ impl Cutter {
     fn cuts(&self, side: usize, band: usize) -> Vec<f64> {
         let half = 0.5 * self.size as f64;
         let (near, far) = (band as f64, (band + 1) as f64);
-        let mut cuts = vec![0.0, FRAC_PI_4];
+        // Some for a coarse map, so that no strip is wide for three points.
+        let mut cuts: Vec<f64> = (0..=8).map(|i| FRAC_PI_4 * f64::from(i) / 8.0).collect();
         for cell in 1..=band {
             cuts.extend([(cell as f64 / near).atan(), (cell as f64 / far).atan()]);
         }
