@@ -26,6 +26,8 @@ const RIM: f32 = 0.05;
 const NAMED: usize = 8;
 /// Share of the energy that painted samples miss, below which a connected part of it is no lamp.
 const LEAST: f64 = 0.01;
+/// Share of the environment's light, below which what samples miss is hardly a shadow.
+const FAINT: f64 = 0.001;
 /// A texel that holds more than this share of a light is too large for it.
 const COARSE: f64 = 0.2;
 
@@ -40,6 +42,8 @@ pub struct Settings<'a> {
     pub residual: bool,
     /// Light that was found before and is not looked for again.
     pub except: Option<&'a Lamp>,
+    /// How many were painted; for messages.
+    pub samples: usize,
 }
 
 /// A connected part of the blocked light.
@@ -80,7 +84,9 @@ pub fn localize(environment: &Environment, blocked: &[f32], settings: &Settings)
     let whole = field.whole();
     let missed = field.energy_of_all();
     if missed <= 0.0 {
-        let message = "the painted samples are in no shadow: they miss no light of this environment";
+        let count = settings.samples;
+        let message =
+            format!("the {count} painted samples are in no shadow: they miss 0 % of this environment's light");
         return Err(Error::compute(
             message,
             "paint inside of a shadow, and look whether the environment has light there",
@@ -102,6 +108,11 @@ pub fn localize(environment: &Environment, blocked: &[f32], settings: &Settings)
     };
     let lamp = Lamp { size: environment.size, weights: weights.into() };
     let mut warnings = Vec::new();
+    if missed < FAINT * whole {
+        let percent = 100.0 * missed / whole;
+        let what = format!("the painted samples miss only {percent:.2} % of the environment's light");
+        warnings.push(format!("{what}: paint where the shadow is dark"));
+    }
     let texels = lamp.weights.iter().filter(|weight| **weight > 0.0).count();
     if texels == 0 {
         warnings.push(format!("the light is empty: a threshold of {threshold} leaves nothing; lower it"));

@@ -142,6 +142,15 @@ fn one_bright_texel_is_warned_of() {
 }
 
 #[test]
+fn a_faint_shadow_is_warned_of() {
+    let (_, environment) = three();
+    let mut blocked = vec![0.0; TEXELS];
+    blocked[100..130].fill(1.0);
+    let found = localize(&environment, &blocked, &Settings::default()).unwrap();
+    assert!(found.warnings.iter().any(|warning| warning.contains("miss only 0.0")), "{:?}", found.warnings);
+}
+
+#[test]
 fn what_cannot_be_found_is_said() {
     let (_, environment) = three();
     let refused = |environment: &Environment, blocked: &[f32], settings: Settings, words: &str| {
@@ -149,7 +158,12 @@ fn what_cannot_be_found_is_said() {
         assert!(error.to_string().contains(words) && !error.help().is_empty(), "{error}");
     };
     let all = vec![1.0; TEXELS];
-    refused(&environment, &vec![0.0; TEXELS], Settings::default(), "in no shadow");
+    refused(
+        &environment,
+        &vec![0.0; TEXELS],
+        Settings { samples: 37, ..Default::default() },
+        "37 painted samples are in no shadow",
+    );
     let black = Environment::new(SIZE, vec![[0.0; 4]; TEXELS]).unwrap();
     refused(&black, &all, Settings::default(), "black");
     refused(&environment, &all[1..], Settings::default(), "and a visibility of");
