@@ -10,6 +10,7 @@ pub mod falloff;
 pub mod grade;
 pub mod illumination_brush;
 pub mod indirect_shadow;
+pub mod integrate;
 pub mod light;
 pub mod material;
 pub mod merge;
@@ -24,7 +25,9 @@ pub mod select;
 pub mod source_brush;
 pub mod tone_map;
 pub mod transfer;
+pub mod transport;
 pub mod view_samples;
+pub mod visibility;
 pub mod write_edits;
 pub mod write_image;
 
@@ -52,6 +55,9 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<write_edits::WriteEdits>(),
     NodeType::of::<scale_offset::ScaleOffset>(),
     NodeType::of::<relight::Relight>(),
+    NodeType::of::<visibility::Visibility>(),
+    NodeType::of::<transport::Transport>(),
+    NodeType::of::<integrate::Integrate>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),

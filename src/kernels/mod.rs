@@ -10,11 +10,13 @@ pub mod colour_edits;
 pub mod direct_light;
 pub mod entry_ways;
 pub mod glossy_rows;
+pub mod haar2d_encode;
 pub mod haar_encode;
 pub mod hidden_rows;
 pub mod interpolate;
 pub mod path_product;
 pub mod primary_visibility;
+pub mod run_light;
 pub mod scaled_product;
 mod shared {
     pub mod credit;
@@ -24,17 +26,21 @@ pub mod surroundings;
 pub mod tone_map;
 pub mod transfer_points;
 pub mod transfer_rows;
+pub mod visibility_masks;
 
 pub use average_pyramid::average_pyramid;
 pub use colour_edits::colour_edits;
 pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
+pub use haar2d_encode::haar2d_encode;
 pub use interpolate::interpolate;
 pub use path_product::path_product;
+pub use run_light::run_light;
 pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
 pub use surroundings::surroundings;
 pub use tone_map::tone_map;
+pub use visibility_masks::visibility_masks;
 
 use crate::device::Kernel;
 use crate::{Error, Result};
@@ -59,17 +65,20 @@ pub const ALL: &[&Kernel] = &[
     &direct_light::KERNEL,
     &entry_ways::KERNEL,
     &glossy_rows::KERNEL,
+    &haar2d_encode::KERNEL,
     &haar_encode::KERNEL,
     &hidden_rows::KERNEL,
     &interpolate::KERNEL,
     &path_product::KERNEL,
     &primary_visibility::KERNEL,
+    &run_light::KERNEL,
     &scaled_product::KERNEL,
     &sparse_product::KERNEL,
     &surroundings::KERNEL,
     &tone_map::KERNEL,
     &transfer_points::KERNEL,
     &transfer_rows::KERNEL,
+    &visibility_masks::KERNEL,
 ];
 
 /// The length of each of `count` vectors in a slice of `total` elements; `Error::Compute` when it does not divide.
@@ -110,12 +119,17 @@ const RAYS: usize = 1 << 20;
 /// `Error::Device` when the hierarchy is deeper than the stack of shaders/shared/bvh.wgsl.
 #[cfg(feature = "gpu")]
 fn fits_the_shader(geometry: &crate::scene::Geometry) -> Result<()> {
+    hierarchy_fits(&geometry.bvh)
+}
+
+#[cfg(feature = "gpu")]
+fn hierarchy_fits(bvh: &crate::scene::bvh::Bvh) -> Result<()> {
     const LEVELS: usize = 96;
-    if geometry.bvh.depth <= LEVELS {
+    if bvh.depth <= LEVELS {
         return Ok(());
     }
     Err(Error::device(
-        format!("the scene's hierarchy has {} levels, the GPU's kernels go down {LEVELS}", geometry.bvh.depth),
+        format!("the scene's hierarchy has {} levels, the GPU's kernels go down {LEVELS}", bvh.depth),
         "use --device cpu; heaps of coincident triangles make such trees",
     ))
 }

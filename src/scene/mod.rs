@@ -12,6 +12,7 @@ pub mod lat_long;
 mod lat_long_cube;
 pub mod light;
 pub mod material;
+pub mod occluders;
 pub mod sound;
 pub mod texture;
 pub mod wide;
@@ -22,6 +23,7 @@ pub use geometry::{Fingerprint, Geometry, SurfacePoint};
 pub use lat_long::LatLong;
 pub use light::{Light, LightKind};
 pub use material::Material;
+pub use occluders::Occluders;
 
 use std::sync::Arc;
 

@@ -11,6 +11,7 @@ pub mod lighting;
 mod pack;
 pub mod precompute;
 pub mod rows;
+pub mod runs;
 pub mod sampled;
 pub mod samples;
 pub mod sampling;

@@ -116,7 +116,7 @@ pub fn surface_layers(samples: &Samples, reflectance: &[[f32; 4]]) -> Vec<Layer>
     ]
 }
 
-fn layer<const C: usize>(
+pub(in crate::transport) fn layer<const C: usize>(
     name: &str,
     channels: &[&str; C],
     content: Content,
@@ -136,7 +136,7 @@ fn layer<const C: usize>(
 const TILE: usize = 4096;
 
 /// Mean over the samples of each pixel.
-fn resolve(samples: &Samples, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4> {
+pub(in crate::transport) fn resolve(samples: &Samples, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4> {
     let per_pixel = samples.per_pixel();
     (0..samples.width * samples.height)
         .into_par_iter()

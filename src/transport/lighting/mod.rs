@@ -26,6 +26,7 @@ pub use exitance::{Leaving, leaving, source_vectors};
 pub use indirect::{Indirect, Told};
 pub use lane::{GlossyLanes, Lane};
 pub use layers::{Shading, indirect_radiance, sum, surface_layers};
+pub(in crate::transport) use layers::{layer, resolve};
 pub use paths::Paths;
 pub use scene_light::SceneLight;
 pub use transit::{Arriving, Between, Gains};

@@ -4,21 +4,33 @@
 //! lamp        the part of an environment that a shadow belongs to
 //! localize    which part that is, by what painted samples miss; regions: connected texels
 //! edits       what to do to the shadow of a lamp at some samples
+//! horizon     the directions above a surface
+//! haar        shadows of a face in a Haar basis, truncated
 //! visibility  what samples see of the cube's faces, per group of objects, and its edits
+//! bake        from surfaces to the rows of visibility
+//! together    groups as one; the mean shadow of some samples
 //! direct      what light would do without shadows: an environment, and the samples it falls on
+//! tables      an environment made ready to be summed over rows
+//! integrate   visibility and light -> a picture
 //! ratio       a shadow as a picture of factors
 //! ```
 
+pub mod bake;
 pub mod direct;
 pub mod edits;
+pub mod haar;
+pub mod horizon;
+pub mod integrate;
 pub mod lamp;
 pub mod localize;
 pub mod ratio;
 pub mod regions;
+pub mod tables;
+mod together;
 pub mod visibility;
 
 pub use direct::DirectTransport;
 pub use edits::{ShadowChange, ShadowEdit};
 pub use lamp::Lamp;
 pub use ratio::Ratio;
-pub use visibility::{Group, Visibility};
+pub use visibility::{Basis, Group, Rows, Visibility};
