@@ -4,6 +4,8 @@ pub mod camera;
 pub mod caster_receiver;
 pub mod compare;
 pub mod directionality;
+pub mod environment;
+pub mod environment_image;
 pub mod falloff;
 pub mod grade;
 pub mod illumination_brush;
@@ -36,6 +38,8 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<light::Light>(),
     NodeType::of::<material::Material>(),
     NodeType::of::<camera::Camera>(),
+    NodeType::of::<environment::Environment>(),
+    NodeType::of::<environment_image::EnvironmentImage>(),
     NodeType::of::<view_samples::ViewSamples>(),
     NodeType::of::<transfer::Transfer>(),
     NodeType::of::<pick::Pick>(),

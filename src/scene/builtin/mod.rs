@@ -1,8 +1,9 @@
-//! Scenes that ship in the program: made here, no file needed.
+//! Scenes and environments that ship in the program: made here, no file needed.
 
 mod builder;
 mod hall;
 mod room;
+pub mod skies;
 
 use crate::scene::Scene;
 

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! lamp        the part of an environment that a shadow belongs to
+//! localize    which part that is, by what painted samples miss; regions: connected texels
 //! edits       what to do to the shadow of a lamp at some samples
 //! horizon     the directions above a surface
 //! haar        shadows of a face in a Haar basis, truncated
@@ -21,7 +22,9 @@ pub mod haar;
 pub mod horizon;
 pub mod integrate;
 pub mod lamp;
+pub mod localize;
 pub mod ratio;
+pub mod regions;
 pub mod tables;
 mod together;
 pub mod visibility;
