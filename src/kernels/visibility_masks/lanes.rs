@@ -244,11 +244,9 @@ mod avx2 {
         fn columns(low: __m256, high: __m256, first: i32) -> Bits {
             unsafe {
                 let first = _mm256_set1_epi32(first);
-                let ones = _mm256_set1_epi32(-1);
-                // A shift by 32 or more gives zero.
-                let from = |at| _mm256_sllv_epi32(ones, _mm256_max_epi32(at, _mm256_setzero_si256()));
                 let low = _mm256_sub_epi32(_mm256_cvttps_epi32(low), first);
-                let past = _mm256_sub_epi32(_mm256_sub_epi32(_mm256_cvttps_epi32(high), ones), first);
+                let past = _mm256_sub_epi32(_mm256_cvttps_epi32(high), first);
+                let past = _mm256_add_epi32(past, _mm256_set1_epi32(1));
                 keep(_mm256_andnot_si256(from(past), from(low)))
             }
         }
@@ -256,7 +254,6 @@ mod avx2 {
         fn any(bits: &Bits, low: usize, high: usize, columns: u32) -> bool {
             debug_assert!(low < WIDTH && high < WIDTH);
             unsafe {
-                let rows = |from: usize| _mm256_loadu_si256(ROWS[WIDTH - from..].as_ptr().cast());
                 let rows = _mm256_andnot_si256(rows(high + 1), rows(low));
                 let texels = _mm256_and_si256(rows, _mm256_set1_epi32(columns as i32));
                 _mm256_testz_si256(get(bits), texels) == 0
@@ -270,6 +267,18 @@ mod avx2 {
                 _mm256_testz_si256(left, left) == 1
             }
         }
+    }
+
+    /// All 32 columns from `at` on; a shift by 32 or more gives none.
+    #[inline(always)]
+    unsafe fn from(at: __m256i) -> __m256i {
+        unsafe { _mm256_sllv_epi32(_mm256_set1_epi32(-1), _mm256_max_epi32(at, _mm256_setzero_si256())) }
+    }
+
+    /// All of the eight rows from `from`, at most 8, on.
+    #[inline(always)]
+    unsafe fn rows(from: usize) -> __m256i {
+        unsafe { _mm256_loadu_si256(ROWS[WIDTH - from..].as_ptr().cast()) }
     }
 
     #[inline(always)]
