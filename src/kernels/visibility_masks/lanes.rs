@@ -35,6 +35,8 @@ pub trait Lanes: Copy {
     fn columns(low: Self::F, high: Self::F, first: i32) -> Bits;
     /// Whether `bits` holds any of `columns` in the rows from `low` to `high` (not above 7).
     fn any(bits: &Bits, low: usize, high: usize, columns: u32) -> bool;
+    /// Asks for memory that will be read soon.
+    fn prefetch<T>(what: &T);
     /// Takes `gone` away from `bits`; true when nothing is left.
     fn clear(bits: &mut Bits, gone: &Bits) -> bool;
 }
@@ -137,6 +139,8 @@ impl Lanes for Plain {
     fn any(bits: &Bits, low: usize, high: usize, columns: u32) -> bool {
         bits[low..=high].iter().any(|row| row & columns != 0)
     }
+    #[inline(always)]
+    fn prefetch<T>(_: &T) {}
     #[inline(always)]
     fn clear(bits: &mut Bits, gone: &Bits) -> bool {
         bits.iter_mut().zip(gone).for_each(|(row, gone)| *row &= !gone);
@@ -257,6 +261,13 @@ mod avx2 {
                 let rows = _mm256_andnot_si256(rows(high + 1), rows(low));
                 let texels = _mm256_and_si256(rows, _mm256_set1_epi32(columns as i32));
                 _mm256_testz_si256(get(bits), texels) == 0
+            }
+        }
+        #[inline(always)]
+        fn prefetch<T>(what: &T) {
+            let start = std::ptr::from_ref(what).cast::<i8>();
+            for line in (0..size_of::<T>()).step_by(64) {
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(line)) };
             }
         }
         #[inline(always)]

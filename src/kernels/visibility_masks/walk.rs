@@ -26,6 +26,8 @@ pub struct Waiting {
 const SLACK: f32 = 2e-3;
 /// Nearer to the eye's plane than this, a projection has no bounds.
 const NEAR: f32 = 1e-30;
+/// A block that reaches fewer than this many texels along both sides is drawn texel by texel.
+const FEW: usize = 4;
 
 /// How the world looks from a point through a face.
 #[derive(Clone, Copy)]
@@ -69,20 +71,25 @@ pub fn walk<L: Lanes>(
         if mask.is_closed() {
             return;
         }
+        let rect = Rect::unpack(item.columns, item.rows);
+        if item.child & BLOCK != 0 && rect.right - rect.left < FEW && rect.high - rect.low < FEW {
+            draw_few(&frame, &occluders.blocks[(item.child & !BLOCK) as usize], rect, mask);
+            continue;
+        }
         if !mask.any(lanes, Rect::unpack(item.columns, item.rows)) {
             continue;
         }
         if item.child & BLOCK != 0 {
             draw(lanes, &frame, &occluders.blocks[(item.child & !BLOCK) as usize], mask);
         } else {
-            enter(&frame, &occluders.branches[item.child as usize], stack);
+            enter(&frame, occluders, &occluders.branches[item.child as usize], stack);
         }
     }
 }
 
 /// Puts the children that may hold texels of the face on the stack, the nearest on top.
 #[inline(always)]
-fn enter<L: Lanes>(frame: &Frame<L>, branch: &Branch, stack: &mut Vec<Waiting>) {
+fn enter<L: Lanes>(frame: &Frame<L>, occluders: &Occluders, branch: &Branch, stack: &mut Vec<Waiting>) {
     let zero = L::splat(0.0);
     let (first, last) = (frame.side(branch, 2, 0), frame.side(branch, 2, 3));
     let (first, last) = (L::mul(first, frame.sign), L::mul(last, frame.sign));
@@ -101,6 +108,11 @@ fn enter<L: Lanes>(frame: &Frame<L>, branch: &Branch, stack: &mut Vec<Waiting>) 
         let slot = some.trailing_zeros() as usize;
         some &= some - 1;
         let item = Waiting { child: branch.child[slot], near: near[slot], columns: columns[slot], rows: rows[slot] };
+        if item.child & BLOCK != 0 {
+            L::prefetch(&occluders.blocks[(item.child & !BLOCK) as usize]);
+        } else {
+            L::prefetch(&occluders.branches[item.child as usize]);
+        }
         let mut at = stack.len();
         stack.push(item);
         while at > base && stack[at - 1].near < item.near {
@@ -202,6 +214,43 @@ fn reach<L: Lanes>(
     frame.texels(low, high)
 }
 
+/// Draws a block that reaches few texels: each open one against all triangles.
+#[inline(always)]
+fn draw_few<L: Lanes>(frame: &Frame<L>, block: &Block, rect: Rect, mask: &mut Mask) {
+    let mut open = [0u32; FEW];
+    let mut any = 0;
+    for y in rect.low..=rect.high {
+        open[y - rect.low] = mask.row(y, rect.left, rect.right);
+        any |= open[y - rect.low];
+    }
+    if any == 0 {
+        return;
+    }
+    let points = [frame.point(block, 0), frame.point(block, 1), frame.point(block, 2)];
+    let sides = sides(frame, block, &points);
+    for y in rect.low..=rect.high {
+        let mut open = open[y - rect.low];
+        if open == 0 {
+            continue;
+        }
+        let row = L::splat(y as f32);
+        let a = L::add(L::mul(sides.slope[0], row), sides.at[0]);
+        let b = L::add(L::mul(sides.slope[1], row), sides.at[1]);
+        let c = L::add(L::mul(sides.slope[2], row), sides.at[2]);
+        while open != 0 {
+            let x = rect.left + open.trailing_zeros() as usize;
+            open &= open - 1;
+            let at = L::splat(x as f32);
+            let inside = L::at_most(L::mul(a, sides.turn[0]), L::mul(at, sides.turn[0]))
+                & L::at_most(L::mul(b, sides.turn[1]), L::mul(at, sides.turn[1]))
+                & L::at_most(L::mul(c, sides.turn[2]), L::mul(at, sides.turn[2]));
+            if inside & sides.seen != 0 {
+                mask.close_one(x, y);
+            }
+        }
+    }
+}
+
 /// Draws the triangles of a block.
 #[inline(always)]
 fn draw<L: Lanes>(lanes: L, frame: &Frame<L>, block: &Block, mask: &mut Mask) {
@@ -233,6 +282,7 @@ fn draw<L: Lanes>(lanes: L, frame: &Frame<L>, block: &Block, mask: &mut Mask) {
     }
     let sides = sides(frame, block, &points);
     todo &= sides.seen;
+    let sides = sides.stored();
     while todo != 0 {
         let lane = todo.trailing_zeros() as usize;
         todo &= todo - 1;
@@ -242,15 +292,35 @@ fn draw<L: Lanes>(lanes: L, frame: &Frame<L>, block: &Block, mask: &mut Mask) {
 }
 
 /// `Edge`s of eight triangles.
-struct Sides {
-    slope: [[f32; WIDTH]; 3],
-    at: [[f32; WIDTH]; 3],
-    left: [u32; 3],
+struct Sides<L: Lanes> {
+    slope: [L::F; 3],
+    at: [L::F; 3],
+    /// 1 where the triangle lies to the right of the edge, -1 where it lies to the left.
+    turn: [L::F; 3],
     /// Triangles that are not seen exactly from the side.
     seen: u32,
 }
 
-impl Sides {
+/// The same, triangle by triangle.
+struct Stored {
+    slope: [[f32; WIDTH]; 3],
+    at: [[f32; WIDTH]; 3],
+    left: [u32; 3],
+}
+
+impl<L: Lanes> Sides<L> {
+    #[inline(always)]
+    fn stored(&self) -> Stored {
+        let zero = L::splat(0.0);
+        Stored {
+            slope: [L::store(self.slope[0]), L::store(self.slope[1]), L::store(self.slope[2])],
+            at: [L::store(self.at[0]), L::store(self.at[1]), L::store(self.at[2])],
+            left: [L::less(zero, self.turn[0]), L::less(zero, self.turn[1]), L::less(zero, self.turn[2])],
+        }
+    }
+}
+
+impl Stored {
     #[inline(always)]
     fn edge(&self, side: usize, lane: usize) -> Edge {
         Edge { slope: self.slope[side][lane], at: self.at[side][lane], left: self.left[side] >> lane & 1 != 0 }
@@ -268,30 +338,30 @@ fn cross<L: Lanes>(a: &[L::F; 3], b: &[L::F; 3]) -> [L::F; 3] {
 }
 
 #[inline(always)]
-fn sides<L: Lanes>(frame: &Frame<L>, block: &Block, points: &[[L::F; 3]; 3]) -> Sides {
+fn sides<L: Lanes>(frame: &Frame<L>, block: &Block, points: &[[L::F; 3]; 3]) -> Sides<L> {
     let zero = L::splat(0.0);
     let (first, second, third) = (frame.along(block, 0, 1), frame.along(block, 1, 2), frame.along(block, 0, 2));
     let normal = cross::<L>(&first, &third);
     // The volume spanned by eye and triangle: its sign says on which side of its plane the eye is.
     let volume = L::add(L::mul(normal[0], points[0][0]), L::mul(normal[1], points[0][1]));
     let volume = L::add(volume, L::mul(normal[2], points[0][2]));
-    let facing = L::less(zero, volume);
+    let facing = L::signed(L::splat(1.0), volume);
     // Directions d in the triangle have plane . d of the volume's sign, for the third edge of the other.
     let a = line(frame, &points[0], &first);
     let b = line(frame, &points[1], &second);
     let c = line(frame, &points[0], &third);
     Sides {
-        slope: [L::store(a.0), L::store(b.0), L::store(c.0)],
-        at: [L::store(a.1), L::store(b.1), L::store(c.1)],
-        left: [a.2 ^ !facing, b.2 ^ !facing, c.2 ^ facing],
-        seen: facing | L::less(volume, zero),
+        slope: [a.0, b.0, c.0],
+        at: [a.1, b.1, c.1],
+        turn: [L::mul(a.2, facing), L::mul(b.2, facing), L::mul(L::sub(zero, c.2), facing)],
+        seen: L::less(zero, volume) | L::less(volume, zero),
     }
 }
 
 /// Where the plane through the eye, `start` and `start + edge` cuts row y of the face: at texel `slope y + at`. Third:
-/// bit i is set where directions d to the right have plane . d > 0.
+/// 1 where directions d to the right have plane . d > 0, else -1.
 #[inline(always)]
-fn line<L: Lanes>(frame: &Frame<L>, start: &[L::F; 3], edge: &[L::F; 3]) -> (L::F, L::F, u32) {
+fn line<L: Lanes>(frame: &Frame<L>, start: &[L::F; 3], edge: &[L::F; 3]) -> (L::F, L::F, L::F) {
     let plane = cross::<L>(start, edge);
     // A plane along the rows is tilted by far less than rounding does.
     let least = L::mul(L::max(L::abs(plane[1]), L::abs(plane[2])), L::splat(1e-12));
@@ -301,5 +371,5 @@ fn line<L: Lanes>(frame: &Frame<L>, start: &[L::F; 3], edge: &[L::F; 3]) -> (L::
     // u = slope v + middle, from coordinates of the face to texels.
     let corner = L::splat(1.0 / frame.size - 1.0);
     let at = frame.place(L::add(L::mul(slope, corner), middle));
-    (slope, at, L::less(L::splat(0.0), across))
+    (slope, at, L::signed(L::splat(1.0), across))
 }
