@@ -4,6 +4,8 @@
 //! Runs on any adapter, a software driver included, one test at a time; without one every test is reported as ignored
 //! and a line says so.
 
+#[path = "twins/masks.rs"]
+mod masks;
 #[path = "twins/rays.rs"]
 mod rays;
 
@@ -59,6 +61,7 @@ const TESTS: &[(&str, Test)] = &[
     ("tone_map", tones),
     ("transfer_points", rays::pairs),
     ("transfer_rows", rays::rows),
+    ("visibility_masks", masks::masks),
 ];
 
 fn main() {
