@@ -143,7 +143,7 @@ pub fn union_of_row(all: &[&Runs], row: usize) -> Vec<u32> {
     let mut spans: Vec<Range<usize>> = all.iter().flat_map(|runs| runs.spans(row)).collect();
     spans.sort_unstable_by_key(|span| span.start);
     let mut toggles: Vec<u32> = Vec::with_capacity(2 * spans.len());
-    let mut end = None;
+    let mut end: Option<usize> = None;
     for span in spans {
         match end {
             Some(before) if span.start <= before => end = Some(before.max(span.end)),
