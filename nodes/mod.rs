@@ -5,12 +5,15 @@ pub mod camera;
 pub mod caster_receiver;
 pub mod compare;
 pub mod directionality;
+pub mod environment;
+pub mod environment_image;
 pub mod falloff;
 pub mod grade;
 pub mod illumination_brush;
 pub mod indirect_shadow;
 pub mod integrate;
 pub mod light;
+pub mod localize_light;
 pub mod material;
 pub mod merge;
 pub mod paint;
@@ -44,6 +47,8 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<light::Light>(),
     NodeType::of::<material::Material>(),
     NodeType::of::<camera::Camera>(),
+    NodeType::of::<environment::Environment>(),
+    NodeType::of::<environment_image::EnvironmentImage>(),
     NodeType::of::<view_samples::ViewSamples>(),
     NodeType::of::<texel_samples::TexelSamples>(),
     NodeType::of::<view_texels::ViewTexels>(),
@@ -70,6 +75,7 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<visibility::Visibility>(),
     NodeType::of::<transport::Transport>(),
     NodeType::of::<integrate::Integrate>(),
+    NodeType::of::<localize_light::LocalizeLight>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),

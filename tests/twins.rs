@@ -4,6 +4,8 @@
 //! Runs on any adapter, a software driver included, one test at a time; without one every test is reported as ignored
 //! and a line says so.
 
+#[path = "twins/masks.rs"]
+mod masks;
 #[path = "twins/rays.rs"]
 mod rays;
 #[path = "twins/shadows.rs"]
@@ -15,15 +17,17 @@ use chiaro::kernels::direct_light::{View, direct_light};
 use chiaro::kernels::glossy_rows::{Lobe, glossy_rows};
 use chiaro::kernels::hidden_rows::{Walk, hidden_rows};
 use chiaro::kernels::primary_visibility::primary_visibility;
+use chiaro::kernels::run_light::{Element, Face};
 use chiaro::kernels::tone_map::Operator;
 use chiaro::kernels::transfer_points::transfer_points;
 use chiaro::kernels::transfer_rows::transfer_rows;
 use chiaro::kernels::{
-    self, average_pyramid, colour_edits, entry_ways, haar_encode, interpolate, path_product, scaled_product,
-    sparse_product, surroundings, tone_map,
+    self, average_pyramid, colour_edits, entry_ways, haar_encode, haar2d_encode, interpolate, path_product, run_light,
+    scaled_product, sparse_product, surroundings, tone_map,
 };
 use chiaro::scene::{Camera, Light, LightKind, Scene, SurfacePoint, builtin, light};
 use chiaro::transport::gather::Gather;
+use chiaro::transport::runs::{Runs, RunsBuilder};
 use chiaro::transport::sparse::{EntryFormat, SparseRows};
 use chiaro::transport::ways::Factors;
 use chiaro::transport::{sampling, sides};
@@ -46,11 +50,13 @@ const TESTS: &[(&str, Test)] = &[
     ("direct_light", rays::lights),
     ("entry_ways", entry_ways_of_rows),
     ("glossy_rows", rays::gloss),
+    ("haar2d_encode", squares),
     ("haar_encode", haar),
     ("hidden_rows", rays::behind),
     ("interpolate", interpolation),
     ("path_product", path_products),
     ("primary_visibility", rays::views),
+    ("run_light", runs_of_light),
     ("scaled_product", scaled),
     ("shadow_filter", shadows::filters),
     ("shadow_light", shadows::light),
@@ -59,6 +65,7 @@ const TESTS: &[(&str, Test)] = &[
     ("tone_map", tones),
     ("transfer_points", rays::pairs),
     ("transfer_rows", rays::rows),
+    ("visibility_masks", masks::masks),
 ];
 
 fn main() {
@@ -251,6 +258,57 @@ fn haar(devices: &Devices) -> Outcome {
     }
     let values = random.ugly(64, &UGLIER);
     compare("infinities", devices, (65504.0 * 1e-6, 1e-5), |device| haar_encode(device, &values, 1))
+}
+
+fn squares(devices: &Devices) -> Outcome {
+    let mut random = Random(23);
+    for (side, count) in [(1, 1), (1, 3), (2, 1), (4, 5), (32, 3), (128, 1), (256, 2)] {
+        for values in [random.light(side * side * count), random.ugly(side * side * count, &UGLY)] {
+            let tolerance = if side > 1 { (65504.0 * 1e-6, 1e-5) } else { ARITHMETIC };
+            compare(&format!("{side} x {side}, {count}"), devices, tolerance, |device| {
+                haar2d_encode(device, &values, side, count)
+            })?;
+        }
+        let values = random.light(side * side * count);
+        compare(&format!("plain {side} x {side}, {count}"), devices, ARITHMETIC, |device| {
+            haar2d_encode(device, &values, side, count)
+        })?;
+    }
+    let values = random.ugly(64, &UGLIER);
+    compare("infinities", devices, (65504.0 * 1e-6, 1e-5), |device| haar2d_encode(device, &values, 8, 1))
+}
+
+/// Integers: the same bits, whatever wraps on the way.
+fn runs_of_light(devices: &Devices) -> Outcome {
+    let mut random = Random(24);
+    for (side, rows, most) in [(32, 1, 3), (64, 67, 40), (256, 1001, 300), (512, 130, 500), (128, 5, 16384)] {
+        let mut tables = Vec::new();
+        let mut faces: Vec<Runs> = Vec::new();
+        for _ in 0..3 {
+            let mut builder = RunsBuilder::new(side);
+            for row in 0..rows {
+                let count = if row % 4 == 1 { 0 } else { random.below(most) };
+                let mut toggles: Vec<u32> = (0..count).map(|_| random.below(side * side) as u32).collect();
+                toggles.sort_unstable();
+                toggles.dedup();
+                builder.push(&toggles).map_err(|error| error.to_string())?;
+            }
+            faces.push(builder.finish().map_err(|error| error.to_string())?);
+            let element = |random: &mut Random| -> Element { std::array::from_fn(|_| random.below(1 << 32) as u32 as i32) };
+            tables.push(Array::from((0..=side * side).map(|_| element(&mut random)).collect::<Vec<_>>()));
+        }
+        let faces: Vec<Face> = faces.iter().zip(&tables).map(|(runs, table)| Face { runs, table }).collect();
+        for count in 0..=3 {
+            let run = |device| run_light(device, &faces[..count], rows).map_err(|error| error.to_string());
+            let cpu = run(&Device::Cpu)?;
+            for (what, device) in [("GPU", &devices.gpu), ("GPU in pages", &devices.paged)] {
+                if let Some(row) = run(device)?.iter().zip(&cpu).position(|(gpu, cpu)| gpu != cpu) {
+                    return Err(format!("{what}: {rows} rows of {side}, {count} faces: row {row} differs"));
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 fn pyramids(devices: &Devices) -> Outcome {

@@ -12,7 +12,7 @@ mod walk;
 
 use super::RAY_SHADERS;
 #[cfg(feature = "gpu")]
-use super::{RAYS, hierarchy_fits, pages};
+use super::{hierarchy_fits, pages};
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
 use crate::device::kernel::uniform;
@@ -45,11 +45,16 @@ pub const KERNEL: Kernel = Kernel {
     bindings: &[
         Binding::read::<Node>("nodes"),
         Binding::read::<Facet>("facets"),
+        Binding::read::<f32>("corners"),
         Binding::read::<SurfacePoint>("points"),
         Binding::read::<u32>("wanted"),
         Binding::write::<u32>("masks"),
     ],
 };
+
+/// Rows of one dispatch at most: a fraction of a second on a software driver, milliseconds on hardware.
+#[cfg(feature = "gpu")]
+const ROWS: usize = 1 << 16;
 
 /// Points that a thread takes at a time.
 const RUN: usize = 32;
@@ -154,18 +159,19 @@ fn gpu(
     let words = size * size / 32;
     let mut out = Vec::with_capacity(points.len() * words);
     let wanted = wanted.map_or_else(|| gpu.upload(&vec![u32::MAX; words]), |wanted| gpu.upload(wanted));
-    for range in pages(points.len(), gpu.page(4 * words).min((RAYS / (size * size)).max(1))) {
+    for range in pages(points.len(), gpu.page(4 * words).min((ROWS / size).max(1))) {
         let params = Params { lift: occluders.lift, points: range.len() as u32, face: face as u32, size: size as u32 };
         let masks = gpu.storage::<u32>(range.len() * words);
         let buffers = [
             &gpu.whole(&occluders.bvh.nodes),
             &gpu.whole(&occluders.bvh.facets),
+            &gpu.whole(&occluders.corners),
             &gpu.upload(&points[range.clone()]),
             &wanted,
             &masks,
         ];
         let mut batch = gpu.batch();
-        batch.dispatch(&KERNEL, &params, &buffers, (range.len() * words).div_ceil(64))?;
+        batch.dispatch(&KERNEL, &params, &buffers, (range.len() * size).div_ceil(64))?;
         let [page] = batch.read([&masks])?;
         out.extend_from_slice(&page.get()[..range.len() * words]);
     }

@@ -2,6 +2,7 @@
 //!
 //! For: `kernels::visibility_masks`, once per group of objects. Not for: finding hits (`Bvh`).
 
+use crate::device::Array;
 use crate::scene::Geometry;
 use crate::scene::bvh::{Bvh, Node};
 use crate::scene::geometry::NONE;
@@ -40,6 +41,8 @@ pub struct Block {
 pub struct Occluders {
     /// For rays, and for the GPU. Its triangles count within the subset.
     pub bvh: Bvh,
+    /// The sorted corners of each triangle, in the order of `bvh.facets`.
+    pub corners: Array<[[f32; 3]; 3]>,
     /// The root first; empty without triangles.
     pub branches: Vec<Branch>,
     pub blocks: Vec<Block>,
@@ -64,8 +67,10 @@ impl Occluders {
             all if all == geometry.corners.len() => geometry.bvh.clone(),
             _ => Bvh::build(&corners),
         };
-        let mut occluders = Self { bvh, lift: geometry.lift(), ..Self::default() };
-        occluders.widen(&corners);
+        let corners: Vec<[[f32; 3]; 3]> =
+            bvh.facets.iter().map(|facet| sorted(corners[facet.triangle as usize])).collect();
+        let mut occluders = Self { bvh, corners: corners.into(), lift: geometry.lift(), ..Self::default() };
+        occluders.widen();
         occluders
     }
 
@@ -74,12 +79,13 @@ impl Occluders {
     }
 
     pub fn bytes(&self) -> u64 {
-        self.bvh.bytes() + (size_of_val(&self.branches[..]) + size_of_val(&self.blocks[..])) as u64
+        self.bvh.bytes()
+            + (size_of_val(&self.corners[..]) + size_of_val(&self.branches[..]) + size_of_val(&self.blocks[..])) as u64
     }
 
     /// Pulls grandchildren up, the largest box first, until a branch has eight children; what holds at most eight
     /// triangles becomes a block.
-    fn widen(&mut self, corners: &[[[f32; 3]; 3]]) {
+    fn widen(&mut self) {
         let nodes = &self.bvh.nodes;
         if nodes.is_empty() {
             return;
@@ -110,7 +116,7 @@ impl Occluders {
                     self.branches[into].bounds[axis + 3][slot] = node.high[axis];
                 }
                 self.branches[into].child[slot] = if is_block(index) {
-                    self.blocks.push(block(&self.bvh, index, corners));
+                    self.blocks.push(block(&self.bvh.nodes, &self.corners, index));
                     BLOCK | (self.blocks.len() as u32 - 1)
                 } else {
                     self.branches.push(Branch::EMPTY);
@@ -148,19 +154,22 @@ fn area(nodes: &[Node], index: u32) -> f32 {
     size.x * size.y + size.y * size.z + size.z * size.x
 }
 
-fn block(bvh: &Bvh, index: u32, corners: &[[[f32; 3]; 3]]) -> Block {
+fn sorted(mut corners: [[f32; 3]; 3]) -> [[f32; 3]; 3] {
+    corners.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    corners
+}
+
+fn block(nodes: &[Node], corners: &[[[f32; 3]; 3]], index: u32) -> Block {
     let mut block = Block { corners: [[[f32::NAN; WIDTH]; 3]; 3] };
     let mut todo = vec![index];
     let mut lane = 0;
     while let Some(index) = todo.pop() {
-        let node = &bvh.nodes[index as usize];
+        let node = &nodes[index as usize];
         if node.count == 0 {
             todo.extend([node.first + 1, node.first]);
             continue;
         }
-        for facet in &bvh.facets[node.first as usize..(node.first + node.count) as usize] {
-            let mut triangle = corners[facet.triangle as usize];
-            triangle.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+        for triangle in &corners[node.first as usize..(node.first + node.count) as usize] {
             for (corner, point) in triangle.iter().enumerate() {
                 (0..3).for_each(|axis| block.corners[corner][axis][lane] = point[axis]);
             }

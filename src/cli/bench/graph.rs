@@ -1,6 +1,6 @@
 //! Times a recipe: whole runs of the program, cold and warm, and one relight node by hand with a light on the move.
 
-use super::{head, measure, print, sliders};
+use super::{head, measure, print, sliders, visibility};
 use crate::device::{Choice, Device};
 use crate::eval::{Context, Evaluator, Memory, Options};
 use crate::graph::{self, Document, Plan};
@@ -21,9 +21,56 @@ use std::time::Instant;
 pub fn run(path: &Path, device: Device, choice: Choice, runs: u32, registry: &'static [NodeType]) -> Result<()> {
     let mut document = graph::load(path)?;
     let plan = Plan::new(&document, registry)?;
+    let of_type = |name: &str| plan.steps.iter().any(|step| step.node_type.info.name == name);
+    let relit = of_type("relight");
+    let shadowed = of_type("view_samples") && (of_type("environment") || of_type("visibility"));
+    if !relit && !shadowed {
+        return Err(Error::usage(
+            "the recipe has no relight node, nor view_samples with an environment or visibility node",
+            "name a recipe that lights something",
+        ));
+    }
     whole_runs(path, &document, choice)?;
-    moved_light(&plan, device, runs)?;
-    sliders::run(&mut document, Device::open(choice)?, runs, registry)
+    if shadowed {
+        masks(&plan, &document, Device::open(choice)?)?;
+    }
+    if relit {
+        moved_light(&plan, device, runs)?;
+        sliders::run(&mut document, Device::open(choice)?, runs, registry)?;
+    }
+    Ok(())
+}
+
+/// Draws the masks of visibility of the first view_samples node.
+fn masks(plan: &Plan, document: &Document, device: Device) -> Result<()> {
+    let Some(view) = plan.steps.iter().position(|step| step.node_type.info.name == "view_samples") else {
+        return Ok(());
+    };
+    let scene = plan.steps[view].inputs.iter().flatten().map(|wire| wire.step);
+    let targets: Vec<usize> = std::iter::once(view).chain(scene).collect();
+    let evaluator = Evaluator::new(Options::new(device));
+    let never = AtomicBool::new(false);
+    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let values = evaluator.evaluate(plan, &targets, plan.frames[0], &context, &mut Vec::new())?;
+    let size = document.nodes.values().find_map(|node| node.params.get("face_size").and_then(Json::as_u64));
+    let (mut samples, mut scene) = (None, None);
+    for value in values.into_iter().flatten() {
+        match value {
+            Value::Samples(found) => samples = Some(found),
+            Value::Scene(found) => scene = Some(found),
+            _ => {}
+        }
+    }
+    match (samples, scene) {
+        (Some(samples), Some(scene)) => visibility::run(
+            evaluator.device(),
+            &scene.geometry,
+            &samples.points,
+            size.map_or(128, |size| size as usize),
+            &std::array::from_fn::<usize, 6, _>(|face| face),
+        ),
+        _ => Ok(()),
+    }
 }
 
 /// What one run of the program said in its report.

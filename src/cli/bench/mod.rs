@@ -3,6 +3,7 @@
 mod graph;
 mod kernels;
 mod sliders;
+mod visibility;
 
 use super::print;
 use crate::Result;
@@ -14,10 +15,10 @@ use std::time::Instant;
 /// Measure speed and memory on this machine
 ///
 /// Without a graph: the kernels on made-up data, beside the machine's own streaming rate. With one: a cold and a warm
-/// run of the whole program, a changed slider, and relighting after a light has moved.
+/// run of the whole program, a changed slider, relighting after a light has moved, and masks of visibility.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Recipe to measure; it needs a relight node
+    /// Recipe to measure; it needs a relight node, or view_samples beside an environment or visibility node
     graph: Option<PathBuf>,
     #[arg(long, value_enum, default_value_t)]
     device: Choice,

@@ -35,6 +35,8 @@ pub trait Lanes: Copy {
     fn columns(low: Self::F, high: Self::F, first: i32) -> Bits;
     /// Whether `bits` holds any of `columns` in the rows from `low` to `high` (not above 7).
     fn any(bits: &Bits, low: usize, high: usize, columns: u32) -> bool;
+    /// Asks for memory that will be read soon.
+    fn prefetch<T>(what: &T);
     /// Takes `gone` away from `bits`; true when nothing is left.
     fn clear(bits: &mut Bits, gone: &Bits) -> bool;
 }
@@ -137,6 +139,8 @@ impl Lanes for Plain {
     fn any(bits: &Bits, low: usize, high: usize, columns: u32) -> bool {
         bits[low..=high].iter().any(|row| row & columns != 0)
     }
+    #[inline(always)]
+    fn prefetch<T>(_: &T) {}
     #[inline(always)]
     fn clear(bits: &mut Bits, gone: &Bits) -> bool {
         bits.iter_mut().zip(gone).for_each(|(row, gone)| *row &= !gone);
@@ -244,11 +248,9 @@ mod avx2 {
         fn columns(low: __m256, high: __m256, first: i32) -> Bits {
             unsafe {
                 let first = _mm256_set1_epi32(first);
-                let ones = _mm256_set1_epi32(-1);
-                // A shift by 32 or more gives zero.
-                let from = |at| _mm256_sllv_epi32(ones, _mm256_max_epi32(at, _mm256_setzero_si256()));
                 let low = _mm256_sub_epi32(_mm256_cvttps_epi32(low), first);
-                let past = _mm256_sub_epi32(_mm256_sub_epi32(_mm256_cvttps_epi32(high), ones), first);
+                let past = _mm256_sub_epi32(_mm256_cvttps_epi32(high), first);
+                let past = _mm256_add_epi32(past, _mm256_set1_epi32(1));
                 keep(_mm256_andnot_si256(from(past), from(low)))
             }
         }
@@ -256,10 +258,16 @@ mod avx2 {
         fn any(bits: &Bits, low: usize, high: usize, columns: u32) -> bool {
             debug_assert!(low < WIDTH && high < WIDTH);
             unsafe {
-                let rows = |from: usize| _mm256_loadu_si256(ROWS[WIDTH - from..].as_ptr().cast());
                 let rows = _mm256_andnot_si256(rows(high + 1), rows(low));
                 let texels = _mm256_and_si256(rows, _mm256_set1_epi32(columns as i32));
                 _mm256_testz_si256(get(bits), texels) == 0
+            }
+        }
+        #[inline(always)]
+        fn prefetch<T>(what: &T) {
+            let start = std::ptr::from_ref(what).cast::<i8>();
+            for line in (0..size_of::<T>()).step_by(64) {
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(line)) };
             }
         }
         #[inline(always)]
@@ -270,6 +278,18 @@ mod avx2 {
                 _mm256_testz_si256(left, left) == 1
             }
         }
+    }
+
+    /// All 32 columns from `at` on; a shift by 32 or more gives none.
+    #[inline(always)]
+    unsafe fn from(at: __m256i) -> __m256i {
+        unsafe { _mm256_sllv_epi32(_mm256_set1_epi32(-1), _mm256_max_epi32(at, _mm256_setzero_si256())) }
+    }
+
+    /// All of the eight rows from `from`, at most 8, on.
+    #[inline(always)]
+    unsafe fn rows(from: usize) -> __m256i {
+        unsafe { _mm256_loadu_si256(ROWS[WIDTH - from..].as_ptr().cast()) }
     }
 
     #[inline(always)]

@@ -135,6 +135,28 @@ impl Mask {
         false
     }
 
+    /// The open texels of row `y` from `left` to `right`, less than 32 apart; bit 0 is `left`.
+    #[inline(always)]
+    pub fn row(&self, y: usize, left: usize, right: usize) -> u32 {
+        let (first, last) = (left / 32, right / 32);
+        let band = &self.blocks[y / WIDTH * self.across..][..self.across];
+        let word = |column: usize| u64::from(band[column][y % WIDTH]);
+        let two = word(first) | word(last) << 32;
+        (two >> (left % 32)) as u32 & span(0, right - left)
+    }
+
+    /// Closes one open texel.
+    #[inline(always)]
+    pub fn close_one(&mut self, x: usize, y: usize) {
+        let (band, column) = (y / WIDTH, x / 32);
+        let block = &mut self.blocks[band * self.across + column];
+        block[y % WIDTH] &= !(1 << (x % 32));
+        if block[y % WIDTH] == 0 && block.iter().all(|row| *row == 0) {
+            self.open[band] &= !(1 << column);
+            self.left -= 1;
+        }
+    }
+
     /// Closes, in each row `y` of the rectangle's bands, the texels from the largest `m y + k` of the edges that bound
     /// from the left to the smallest of the others, within the rectangle's columns.
     #[inline(always)]

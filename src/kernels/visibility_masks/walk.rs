@@ -26,6 +26,8 @@ pub struct Waiting {
 const SLACK: f32 = 2e-3;
 /// Nearer to the eye's plane than this, a projection has no bounds.
 const NEAR: f32 = 1e-30;
+/// A block that reaches fewer than this many texels along both sides is drawn texel by texel.
+const FEW: usize = 4;
 
 /// How the world looks from a point through a face.
 #[derive(Clone, Copy)]
@@ -54,7 +56,7 @@ pub fn walk<L: Lanes>(
     let size = mask.size() as f32;
     let frame = Frame::<L> {
         axes,
-        eye: axes.map(|axis| L::splat(eye[axis])),
+        eye: [L::splat(eye[axes[0]]), L::splat(eye[axes[1]]), L::splat(eye[axes[2]])],
         sign: L::splat(sign),
         half: L::splat(0.5 * size),
         middle: L::splat(0.5 * size - 0.5),
@@ -69,35 +71,33 @@ pub fn walk<L: Lanes>(
         if mask.is_closed() {
             return;
         }
+        let rect = Rect::unpack(item.columns, item.rows);
+        if item.child & BLOCK != 0 && rect.right - rect.left < FEW && rect.high - rect.low < FEW {
+            draw_few(&frame, &occluders.blocks[(item.child & !BLOCK) as usize], rect, mask);
+            continue;
+        }
         if !mask.any(lanes, Rect::unpack(item.columns, item.rows)) {
             continue;
         }
         if item.child & BLOCK != 0 {
             draw(lanes, &frame, &occluders.blocks[(item.child & !BLOCK) as usize], mask);
         } else {
-            enter(&frame, &occluders.branches[item.child as usize], stack);
+            enter(&frame, occluders, &occluders.branches[item.child as usize], stack);
         }
     }
 }
 
 /// Puts the children that may hold texels of the face on the stack, the nearest on top.
 #[inline(always)]
-fn enter<L: Lanes>(frame: &Frame<L>, branch: &Branch, stack: &mut Vec<Waiting>) {
+fn enter<L: Lanes>(frame: &Frame<L>, occluders: &Occluders, branch: &Branch, stack: &mut Vec<Waiting>) {
     let zero = L::splat(0.0);
-    let side = |axis: usize, high: usize| L::sub(L::load(&branch.bounds[frame.axes[axis] + high]), frame.eye[axis]);
-    let ends = (L::mul(side(2, 0), frame.sign), L::mul(side(2, 3), frame.sign));
-    let (near, far) = (L::min(ends.0, ends.1), L::max(ends.0, ends.1));
-    let one = L::splat(1.0);
-    let near_scale = L::div(one, L::max(near, L::splat(NEAR)));
-    let far_scale = L::div(one, L::max(far, L::splat(NEAR)));
-    let bounds = |axis: usize| {
-        let (low, high) = (side(axis, 0), side(axis, 3));
-        let low = L::min(L::mul(low, near_scale), L::mul(low, far_scale));
-        let high = L::max(L::mul(high, near_scale), L::mul(high, far_scale));
-        texels(frame, low, high)
-    };
-    let (left, right) = bounds(0);
-    let (low, high) = bounds(1);
+    let (first, last) = (frame.side(branch, 2, 0), frame.side(branch, 2, 3));
+    let (first, last) = (L::mul(first, frame.sign), L::mul(last, frame.sign));
+    let (near, far) = (L::min(first, last), L::max(first, last));
+    let near_scale = L::div(L::splat(1.0), L::max(near, L::splat(NEAR)));
+    let far_scale = L::div(L::splat(1.0), L::max(far, L::splat(NEAR)));
+    let (left, right) = frame.bounds(branch, 0, near_scale, far_scale);
+    let (low, high) = frame.bounds(branch, 1, near_scale, far_scale);
     let mut some = L::less(zero, far) & L::at_most(left, right) & L::at_most(low, high);
     if some == 0 {
         return;
@@ -108,6 +108,11 @@ fn enter<L: Lanes>(frame: &Frame<L>, branch: &Branch, stack: &mut Vec<Waiting>) 
         let slot = some.trailing_zeros() as usize;
         some &= some - 1;
         let item = Waiting { child: branch.child[slot], near: near[slot], columns: columns[slot], rows: rows[slot] };
+        if item.child & BLOCK != 0 {
+            L::prefetch(&occluders.blocks[(item.child & !BLOCK) as usize]);
+        } else {
+            L::prefetch(&occluders.branches[item.child as usize]);
+        }
         let mut at = stack.len();
         stack.push(item);
         while at > base && stack[at - 1].near < item.near {
@@ -118,123 +123,253 @@ fn enter<L: Lanes>(frame: &Frame<L>, branch: &Branch, stack: &mut Vec<Waiting>) 
     }
 }
 
-/// First and last texel whose middles lie between two coordinates of the face.
+impl<L: Lanes> Frame<L> {
+    /// Low (0) or high (3) sides of children along an axis, from the eye.
+    #[inline(always)]
+    fn side(&self, branch: &Branch, axis: usize, high: usize) -> L::F {
+        L::sub(L::load(&branch.bounds[self.axes[axis] + high]), self.eye[axis])
+    }
+
+    /// Texels that the boxes of children reach along an axis.
+    #[inline(always)]
+    fn bounds(&self, branch: &Branch, axis: usize, near_scale: L::F, far_scale: L::F) -> (L::F, L::F) {
+        let (low, high) = (self.side(branch, axis, 0), self.side(branch, axis, 3));
+        let low = L::min(L::mul(low, near_scale), L::mul(low, far_scale));
+        let high = L::max(L::mul(high, near_scale), L::mul(high, far_scale));
+        self.texels(low, high)
+    }
+
+    /// Coordinates of the face as texels.
+    #[inline(always)]
+    fn place(&self, at: L::F) -> L::F {
+        L::add(L::mul(at, self.half), self.middle)
+    }
+
+    /// First and last texel whose middles lie between two coordinates of the face.
+    #[inline(always)]
+    fn texels(&self, low: L::F, high: L::F) -> (L::F, L::F) {
+        let (low, high) = (L::sub(self.place(low), L::splat(SLACK)), L::add(self.place(high), L::splat(SLACK)));
+        let first = L::min(L::max(L::ceil(low), L::splat(0.0)), L::splat(self.size));
+        let last = L::max(L::min(L::floor(high), L::splat(self.size - 1.0)), L::splat(-1.0));
+        (first, last)
+    }
+
+    /// Corner `corner` of eight triangles, from the eye.
+    #[inline(always)]
+    fn point(&self, block: &Block, corner: usize) -> [L::F; 3] {
+        let corners = &block.corners[corner];
+        let x = L::sub(L::load(&corners[self.axes[0]]), self.eye[0]);
+        let y = L::sub(L::load(&corners[self.axes[1]]), self.eye[1]);
+        let z = L::sub(L::load(&corners[self.axes[2]]), self.eye[2]);
+        [x, y, L::mul(z, self.sign)]
+    }
+
+    /// From one corner of eight triangles to another: exact for corners close together, where differences of points from
+    /// the eye are not.
+    #[inline(always)]
+    fn along(&self, block: &Block, from: usize, to: usize) -> [L::F; 3] {
+        let (from, to) = (&block.corners[from], &block.corners[to]);
+        let x = L::sub(L::load(&to[self.axes[0]]), L::load(&from[self.axes[0]]));
+        let y = L::sub(L::load(&to[self.axes[1]]), L::load(&from[self.axes[1]]));
+        let z = L::sub(L::load(&to[self.axes[2]]), L::load(&from[self.axes[2]]));
+        [x, y, L::mul(z, self.sign)]
+    }
+}
+
 #[inline(always)]
-fn texels<L: Lanes>(frame: &Frame<L>, low: L::F, high: L::F) -> (L::F, L::F) {
-    let place = |at, slack: f32| L::add(L::add(L::mul(at, frame.half), frame.middle), L::splat(slack));
-    let first = L::min(L::max(L::ceil(place(low, -SLACK)), L::splat(0.0)), L::splat(frame.size));
-    let last = L::max(L::min(L::floor(place(high, SLACK)), L::splat(frame.size - 1.0)), L::splat(-1.0));
-    (first, last)
+fn least<L: Lanes>(points: &[[L::F; 3]; 3], axis: usize) -> L::F {
+    L::min(L::min(points[0][axis], points[1][axis]), points[2][axis])
+}
+
+#[inline(always)]
+fn most<L: Lanes>(points: &[[L::F; 3]; 3], axis: usize) -> L::F {
+    L::max(L::max(points[0][axis], points[1][axis]), points[2][axis])
+}
+
+/// Texels that the projections of eight triangles reach along an axis. `scales`: one over the depths of the corners;
+/// `near`, `far`: the least and the largest depth.
+#[inline(always)]
+fn reach<L: Lanes>(
+    frame: &Frame<L>,
+    points: &[[L::F; 3]; 3],
+    axis: usize,
+    scales: &[L::F; 3],
+    (near, far): (L::F, L::F),
+    crosses: bool,
+) -> (L::F, L::F) {
+    let (a, b) = (L::mul(points[0][axis], scales[0]), L::mul(points[1][axis], scales[1]));
+    let c = L::mul(points[2][axis], scales[2]);
+    let mut low = L::min(L::min(a, b), c);
+    let mut high = L::max(L::max(a, b), c);
+    if crosses {
+        // Part of the triangle is beside or behind the eye: its projection reaches out to infinity.
+        let (zero, tiny) = (L::splat(0.0), L::splat(NEAR));
+        let scale = L::div(L::splat(1.0), L::max(far, tiny));
+        let (least, most) = (least::<L>(points, axis), most::<L>(points, axis));
+        let outer_low = L::choose_less(least, zero, L::splat(-1e30), L::mul(least, scale));
+        let outer_high = L::choose_less(zero, most, L::splat(1e30), L::mul(most, scale));
+        low = L::choose_less(tiny, near, low, outer_low);
+        high = L::choose_less(tiny, near, high, outer_high);
+    }
+    frame.texels(low, high)
+}
+
+/// Draws a block that reaches few texels: each open one against all triangles.
+#[inline(always)]
+fn draw_few<L: Lanes>(frame: &Frame<L>, block: &Block, rect: Rect, mask: &mut Mask) {
+    let mut open = [0u32; FEW];
+    let mut any = 0;
+    for y in rect.low..=rect.high {
+        open[y - rect.low] = mask.row(y, rect.left, rect.right);
+        any |= open[y - rect.low];
+    }
+    if any == 0 {
+        return;
+    }
+    let points = [frame.point(block, 0), frame.point(block, 1), frame.point(block, 2)];
+    let sides = sides(frame, block, &points);
+    for y in rect.low..=rect.high {
+        let mut open = open[y - rect.low];
+        if open == 0 {
+            continue;
+        }
+        let row = L::splat(y as f32);
+        let a = L::add(L::mul(sides.slope[0], row), sides.at[0]);
+        let b = L::add(L::mul(sides.slope[1], row), sides.at[1]);
+        let c = L::add(L::mul(sides.slope[2], row), sides.at[2]);
+        while open != 0 {
+            let x = rect.left + open.trailing_zeros() as usize;
+            open &= open - 1;
+            let at = L::splat(x as f32);
+            let inside = L::at_most(L::mul(a, sides.turn[0]), L::mul(at, sides.turn[0]))
+                & L::at_most(L::mul(b, sides.turn[1]), L::mul(at, sides.turn[1]))
+                & L::at_most(L::mul(c, sides.turn[2]), L::mul(at, sides.turn[2]));
+            if inside & sides.seen != 0 {
+                mask.close_one(x, y);
+            }
+        }
+    }
 }
 
 /// Draws the triangles of a block.
 #[inline(always)]
 fn draw<L: Lanes>(lanes: L, frame: &Frame<L>, block: &Block, mask: &mut Mask) {
-    let point = |corner: usize| -> [L::F; 3] {
-        let at = |axis: usize| L::sub(L::load(&block.corners[corner][frame.axes[axis]]), frame.eye[axis]);
-        [at(0), at(1), L::mul(at(2), frame.sign)]
-    };
-    let points = [point(0), point(1), point(2)];
-    let least = |axis: usize| L::min(L::min(points[0][axis], points[1][axis]), points[2][axis]);
-    let most = |axis: usize| L::max(L::max(points[0][axis], points[1][axis]), points[2][axis]);
-    let (zero, tiny) = (L::splat(0.0), L::splat(NEAR));
-    let (near, far) = (least(2), most(2));
-    let front = L::less(zero, far);
+    let points = [frame.point(block, 0), frame.point(block, 1), frame.point(block, 2)];
+    let (near, far) = (least::<L>(&points, 2), most::<L>(&points, 2));
+    let front = L::less(L::splat(0.0), far);
     if front == 0 {
         return;
     }
-    let scales = points.map(|point| L::div(L::splat(1.0), point[2]));
-    let crosses = L::at_most(near, tiny) & front != 0;
-    let bounds = |axis: usize| {
-        let places = [0, 1, 2].map(|corner| L::mul(points[corner][axis], scales[corner]));
-        let mut low = L::min(L::min(places[0], places[1]), places[2]);
-        let mut high = L::max(L::max(places[0], places[1]), places[2]);
-        if crosses {
-            // Part of the triangle is beside or behind the eye: its projection reaches out to infinity.
-            let scale = L::div(L::splat(1.0), L::max(far, tiny));
-            let (least, most) = (least(axis), most(axis));
-            let outer_low = L::choose_less(least, zero, L::splat(-1e30), L::mul(least, scale));
-            let outer_high = L::choose_less(zero, most, L::splat(1e30), L::mul(most, scale));
-            low = L::choose_less(tiny, near, low, outer_low);
-            high = L::choose_less(tiny, near, high, outer_high);
-        }
-        texels(frame, low, high)
-    };
-    let (left, right) = bounds(0);
-    let (low, high) = bounds(1);
+    let one = L::splat(1.0);
+    let scales = [L::div(one, points[0][2]), L::div(one, points[1][2]), L::div(one, points[2][2])];
+    let crosses = L::at_most(near, L::splat(NEAR)) & front != 0;
+    let (left, right) = reach(frame, &points, 0, &scales, (near, far), crosses);
+    let (low, high) = reach(frame, &points, 1, &scales, (near, far), crosses);
     let mut some = front & L::at_most(left, right) & L::at_most(low, high);
     if some == 0 {
         return;
     }
     let (columns, rows) = (L::pack(left, right), L::pack(low, high));
-    let mut edges = None;
+    // The texels that are open now; drawing may close more.
+    let mut todo = 0;
     while some != 0 {
         let lane = some.trailing_zeros() as usize;
         some &= some - 1;
+        todo |= u32::from(mask.any(lanes, Rect::unpack(columns[lane], rows[lane]))) << lane;
+    }
+    if todo == 0 {
+        return;
+    }
+    let sides = sides(frame, block, &points);
+    todo &= sides.seen;
+    let sides = sides.stored();
+    while todo != 0 {
+        let lane = todo.trailing_zeros() as usize;
+        todo &= todo - 1;
         let rect = Rect::unpack(columns[lane], rows[lane]);
-        if !mask.any(lanes, rect) {
-            continue;
-        }
-        let sides = edges.get_or_insert_with(|| sides(frame, block, &points));
-        if sides.seen >> lane & 1 == 0 {
-            continue;
-        }
-        let edge = |i: usize| Edge {
-            slope: sides.slope[i][lane],
-            at: sides.at[i][lane],
-            left: sides.left[i] >> lane & 1 != 0,
-        };
-        mask.close(lanes, rect, &[edge(0), edge(1), edge(2)]);
+        mask.close(lanes, rect, &[sides.edge(0, lane), sides.edge(1, lane), sides.edge(2, lane)]);
     }
 }
 
 /// `Edge`s of eight triangles.
-struct Sides {
-    slope: [[f32; WIDTH]; 3],
-    at: [[f32; WIDTH]; 3],
-    left: [u32; 3],
+struct Sides<L: Lanes> {
+    slope: [L::F; 3],
+    at: [L::F; 3],
+    /// 1 where the triangle lies to the right of the edge, -1 where it lies to the left.
+    turn: [L::F; 3],
     /// Triangles that are not seen exactly from the side.
     seen: u32,
 }
 
-#[inline(always)]
-fn cross<L: Lanes>(a: &[L::F; 3], b: &[L::F; 3]) -> [L::F; 3] {
-    let part = |i: usize, j: usize| L::sub(L::mul(a[i], b[j]), L::mul(a[j], b[i]));
-    [part(1, 2), part(2, 0), part(0, 1)]
+/// The same, triangle by triangle.
+struct Stored {
+    slope: [[f32; WIDTH]; 3],
+    at: [[f32; WIDTH]; 3],
+    left: [u32; 3],
+}
+
+impl<L: Lanes> Sides<L> {
+    #[inline(always)]
+    fn stored(&self) -> Stored {
+        let zero = L::splat(0.0);
+        Stored {
+            slope: [L::store(self.slope[0]), L::store(self.slope[1]), L::store(self.slope[2])],
+            at: [L::store(self.at[0]), L::store(self.at[1]), L::store(self.at[2])],
+            left: [L::less(zero, self.turn[0]), L::less(zero, self.turn[1]), L::less(zero, self.turn[2])],
+        }
+    }
+}
+
+impl Stored {
+    #[inline(always)]
+    fn edge(&self, side: usize, lane: usize) -> Edge {
+        Edge { slope: self.slope[side][lane], at: self.at[side][lane], left: self.left[side] >> lane & 1 != 0 }
+    }
 }
 
 #[inline(always)]
-fn sides<L: Lanes>(frame: &Frame<L>, block: &Block, points: &[[L::F; 3]; 3]) -> Sides {
+fn minor<L: Lanes>(a: &[L::F; 3], b: &[L::F; 3], i: usize, j: usize) -> L::F {
+    L::sub(L::mul(a[i], b[j]), L::mul(a[j], b[i]))
+}
+
+#[inline(always)]
+fn cross<L: Lanes>(a: &[L::F; 3], b: &[L::F; 3]) -> [L::F; 3] {
+    [minor::<L>(a, b, 1, 2), minor::<L>(a, b, 2, 0), minor::<L>(a, b, 0, 1)]
+}
+
+#[inline(always)]
+fn sides<L: Lanes>(frame: &Frame<L>, block: &Block, points: &[[L::F; 3]; 3]) -> Sides<L> {
     let zero = L::splat(0.0);
-    // Exact for corners close together, where differences of `points` are not.
-    let along = |from: usize, to: usize| -> [L::F; 3] {
-        let axis = |axis: usize| {
-            let corner = |corner: usize| L::load(&block.corners[corner][frame.axes[axis]]);
-            L::sub(corner(to), corner(from))
-        };
-        [axis(0), axis(1), L::mul(axis(2), frame.sign)]
-    };
-    let (first, second, third) = (along(0, 1), along(1, 2), along(0, 2));
+    let (first, second, third) = (frame.along(block, 0, 1), frame.along(block, 1, 2), frame.along(block, 0, 2));
     let normal = cross::<L>(&first, &third);
-    let products = [0, 1, 2].map(|axis| L::mul(normal[axis], points[0][axis]));
     // The volume spanned by eye and triangle: its sign says on which side of its plane the eye is.
-    let volume = L::add(L::add(products[0], products[1]), products[2]);
-    let facing = L::less(zero, volume);
-    let mut sides =
-        Sides { slope: [[0.0; WIDTH]; 3], at: [[0.0; WIDTH]; 3], left: [0; 3], seen: facing | L::less(volume, zero) };
+    let volume = L::add(L::mul(normal[0], points[0][0]), L::mul(normal[1], points[0][1]));
+    let volume = L::add(volume, L::mul(normal[2], points[0][2]));
+    let facing = L::signed(L::splat(1.0), volume);
     // Directions d in the triangle have plane . d of the volume's sign, for the third edge of the other.
-    for (i, (start, edge, turn)) in [(0, first, 0), (1, second, 0), (0, third, 0xff)].into_iter().enumerate() {
-        let plane = cross::<L>(&points[start], &edge);
-        let bound = L::mul(L::max(L::abs(plane[1]), L::abs(plane[2])), L::splat(1e-12));
-        let across = L::signed(L::max(L::abs(plane[0]), L::max(bound, L::splat(1e-37))), plane[0]);
-        let slope = L::div(L::sub(zero, plane[1]), across);
-        let middle = L::div(L::sub(zero, plane[2]), across);
-        // u = slope v + middle, from coordinates of the face to texels.
-        let corner = L::splat(1.0 / frame.size - 1.0);
-        let at = L::add(L::mul(L::add(L::mul(slope, corner), middle), frame.half), frame.middle);
-        sides.slope[i] = L::store(slope);
-        sides.at[i] = L::store(at);
-        sides.left[i] = L::less(zero, across) ^ !facing ^ turn;
+    let a = line(frame, &points[0], &first);
+    let b = line(frame, &points[1], &second);
+    let c = line(frame, &points[0], &third);
+    Sides {
+        slope: [a.0, b.0, c.0],
+        at: [a.1, b.1, c.1],
+        turn: [L::mul(a.2, facing), L::mul(b.2, facing), L::mul(L::sub(zero, c.2), facing)],
+        seen: L::less(zero, volume) | L::less(volume, zero),
     }
-    sides
+}
+
+/// Where the plane through the eye, `start` and `start + edge` cuts row y of the face: at texel `slope y + at`. Third:
+/// 1 where directions d to the right have plane . d > 0, else -1.
+#[inline(always)]
+fn line<L: Lanes>(frame: &Frame<L>, start: &[L::F; 3], edge: &[L::F; 3]) -> (L::F, L::F, L::F) {
+    let plane = cross::<L>(start, edge);
+    // A plane along the rows is tilted by far less than rounding does.
+    let least = L::mul(L::max(L::abs(plane[1]), L::abs(plane[2])), L::splat(1e-12));
+    let across = L::signed(L::max(L::abs(plane[0]), L::max(least, L::splat(1e-37))), plane[0]);
+    let scale = L::div(L::splat(-1.0), across);
+    let (slope, middle) = (L::mul(plane[1], scale), L::mul(plane[2], scale));
+    // u = slope v + middle, from coordinates of the face to texels.
+    let corner = L::splat(1.0 / frame.size - 1.0);
+    let at = frame.place(L::add(L::mul(slope, corner), middle));
+    (slope, at, L::signed(L::splat(1.0), across))
 }

@@ -1,9 +1,10 @@
-//! Scenes that ship in the program: made here, no file needed.
+//! Scenes and environments that ship in the program: made here, no file needed.
 
 mod builder;
 mod hall;
 mod room;
 mod yard;
+pub mod skies;
 
 use crate::scene::Scene;
 

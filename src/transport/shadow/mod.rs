@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! lamp        the part of an environment that a shadow belongs to
+//! localize    which part that is, by what painted samples miss; regions: connected texels
 //! edits       what to do to the shadow of a lamp at some samples
 //! edited      doing it
 //! horizon     the directions above a surface
@@ -23,7 +24,9 @@ pub mod haar;
 pub mod horizon;
 pub mod integrate;
 pub mod lamp;
+pub mod localize;
 pub mod ratio;
+pub mod regions;
 pub mod tables;
 mod together;
 pub mod visibility;

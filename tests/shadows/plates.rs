@@ -1,0 +1,90 @@
+//! The plaza at night against a path tracer's picture, by blocks of 4 x 4 pixels of one object.
+//!
+//! Needs the project's test data; says so when it is not there.
+
+use super::sky::View;
+use super::support;
+use chiaro::image::cryptomatte::Cryptomatte;
+use chiaro::image::{Layer, compare, exr_read};
+use chiaro::scene::cube::{self, FACES};
+use chiaro::scene::{Environment, file};
+use chiaro::transport::shadow::Basis;
+use glam::Vec3;
+use std::path::Path;
+use std::time::Instant;
+
+fn environment(path: &Path, size: usize) -> Environment {
+    let map = image::open(path).unwrap().to_rgb32f();
+    let (width, height) = map.dimensions();
+    let mut radiance = vec![[0.0; 4]; FACES * size * size];
+    let parts = 8;
+    for (i, texel) in radiance.iter_mut().enumerate() {
+        let (face, y, x) = (i / (size * size), i / size % size, i % size);
+        let mut sum = [0.0f64; 4];
+        for part in 0..parts * parts {
+            let at = |i: usize, part: usize| 2.0 * (i as f32 + (part as f32 + 0.5) / parts as f32) / size as f32 - 1.0;
+            let point = cube::point(face, at(x, part % parts), at(y, part / parts));
+            let weight = f64::from(point.length().powi(-3));
+            let w: Vec3 = point.normalize();
+            let u = 0.5 + w.z.atan2(w.x) / std::f32::consts::TAU;
+            let v = w.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
+            let pixel =
+                map.get_pixel(((u * width as f32) as u32).min(width - 1), ((v * height as f32) as u32).min(height - 1));
+            (0..3).for_each(|c| sum[c] += weight * f64::from(pixel[c]));
+            sum[3] += weight;
+        }
+        *texel = std::array::from_fn(|c| (sum[c] / sum[3]) as f32);
+    }
+    Environment::new(size, radiance).unwrap()
+}
+
+fn radiance(plate: &Path, pass: &str) -> Layer {
+    let image = exr_read::read_layers(plate, &[pass, "Diffuse Color"]).unwrap();
+    let (light, colour) = (image.find(pass).unwrap(), image.find("Diffuse Color").unwrap());
+    light.with_data(light.data.iter().zip(&colour.data).map(|(light, colour)| light * colour).collect())
+}
+
+#[test]
+fn the_plaza_at_night_is_as_a_path_tracer_has_it() {
+    let test = "the_plaza_at_night_is_as_a_path_tracer_has_it";
+    let files = ["scenes/plaza.glb", "environments/st_peters_square_night_1k.hdr", "plates/plaza-night/direct.exr"];
+    let found = support::all_data(test, &files);
+    let [scene, map, plate] = found.as_slice() else { return };
+    let (scene, _) = file::read(scene, 1.0).unwrap();
+    let view = View::new(&scene, (640, 480), 1, environment(map, 128));
+    let whole = Cryptomatte::read(plate, "CryptoObject").unwrap().whole(0.99);
+    let reference = radiance(plate, "Diffuse Direct");
+    for (basis, asked) in [(Basis::Runs, 0.015), (Basis::Haar2d, 0.03), (Basis::Haar1d, f64::INFINITY)] {
+        let start = Instant::now();
+        let visibility = view.bake(basis, &[]);
+        let baked = start.elapsed();
+        let entries: usize = visibility.groups[0]
+            .faces
+            .iter()
+            .flatten()
+            .map(|rows| (0..rows.rows()).map(|r| rows.count(r)).sum::<usize>())
+            .sum();
+        let stage = view.stage(&visibility);
+        let start = Instant::now();
+        let layers = stage.layers().unwrap();
+        let first = start.elapsed();
+        let start = Instant::now();
+        stage.layers().unwrap();
+        let again = start.elapsed();
+        let direct = layers.iter().find(|layer| layer.name == "direct").unwrap();
+        let error = compare::blocks(direct, &reference, 640, &whole, 4).unwrap()[0].relative_rmse;
+        println!(
+            "{basis:?}: {:.2} %; baked in {baked:.1?}, {} MB, {:.1} entries a row; integrated in {first:.1?}, then {again:.1?}",
+            100.0 * error,
+            visibility.bytes() / 1_000_000,
+            entries as f64 / (FACES * view.samples.points.len()) as f64,
+        );
+        if basis == Basis::Runs && std::env::var_os("CHIARO_PICTURE").is_some() {
+            let tone = |x: f32| (x / (1.0 + x)).powf(1.0 / 2.2);
+            let shown = direct.with_data(direct.data.iter().map(|x| tone(*x * 2.0)).collect());
+            let pixels: Vec<u8> = shown.data.iter().map(|x| (255.0 * x) as u8).collect();
+            image::save_buffer("/tmp/proto/plaza.png", &pixels, 640, 480, image::ColorType::Rgb8).unwrap();
+        }
+        assert!(error <= asked, "{basis:?}: {error}");
+    }
+}
