@@ -1,5 +1,6 @@
 //! The list of node types: one file and one entry each. Help, schema, README table and inspector come from it.
 
+pub mod antialias;
 pub mod camera;
 pub mod caster_receiver;
 pub mod compare;
@@ -13,6 +14,11 @@ pub mod material;
 pub mod merge;
 pub mod paint;
 pub mod pick;
+pub mod ratio_blur;
+pub mod ratio_grade;
+pub mod ratio_lattice;
+pub mod ratio_pattern;
+pub mod ratio_transform;
 pub mod read_edits;
 pub mod read_image;
 pub mod relight;
@@ -20,9 +26,11 @@ pub mod scale_offset;
 pub mod scene;
 pub mod select;
 pub mod source_brush;
+pub mod synthesize_shadow;
 pub mod tone_map;
 pub mod transfer;
 pub mod view_samples;
+pub mod visibility_ratio;
 pub mod write_edits;
 pub mod write_image;
 
@@ -48,6 +56,14 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<write_edits::WriteEdits>(),
     NodeType::of::<scale_offset::ScaleOffset>(),
     NodeType::of::<relight::Relight>(),
+    NodeType::of::<visibility_ratio::VisibilityRatio>(),
+    NodeType::of::<ratio_transform::RatioTransform>(),
+    NodeType::of::<ratio_lattice::RatioLattice>(),
+    NodeType::of::<ratio_blur::RatioBlur>(),
+    NodeType::of::<ratio_grade::RatioGrade>(),
+    NodeType::of::<ratio_pattern::RatioPattern>(),
+    NodeType::of::<synthesize_shadow::SynthesizeShadow>(),
+    NodeType::of::<antialias::Antialias>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),

@@ -15,6 +15,8 @@ pub mod hidden_rows;
 pub mod interpolate;
 pub mod path_product;
 pub mod primary_visibility;
+pub mod ratio_blur;
+pub mod ratio_warp;
 pub mod scaled_product;
 mod shared {
     pub mod credit;
@@ -31,6 +33,8 @@ pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
 pub use interpolate::interpolate;
 pub use path_product::path_product;
+pub use ratio_blur::ratio_blur;
+pub use ratio_warp::ratio_warp;
 pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
 pub use surroundings::surroundings;
@@ -64,6 +68,8 @@ pub const ALL: &[&Kernel] = &[
     &interpolate::KERNEL,
     &path_product::KERNEL,
     &primary_visibility::KERNEL,
+    &ratio_blur::KERNEL,
+    &ratio_warp::KERNEL,
     &scaled_product::KERNEL,
     &sparse_product::KERNEL,
     &surroundings::KERNEL,

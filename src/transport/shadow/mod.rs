@@ -6,10 +6,14 @@
 //! visibility  what samples see of the cube's faces, per group of objects, and its edits
 //! direct      what light would do without shadows: an environment, and the samples it falls on
 //! ratio       a shadow as a picture of factors
+//! kinship     which points of a picture lie on one surface
+//! antialias   smooth edges for one sample a pixel
 //! ```
 
+pub mod antialias;
 pub mod direct;
 pub mod edits;
+pub mod kinship;
 pub mod lamp;
 pub mod ratio;
 pub mod visibility;
