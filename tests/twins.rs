@@ -4,6 +4,8 @@
 //! Runs on any adapter, a software driver included, one test at a time; without one every test is reported as ignored
 //! and a line says so.
 
+#[path = "twins/ratios.rs"]
+mod ratios;
 #[path = "twins/rays.rs"]
 mod rays;
 
@@ -49,6 +51,8 @@ const TESTS: &[(&str, Test)] = &[
     ("interpolate", interpolation),
     ("path_product", path_products),
     ("primary_visibility", rays::views),
+    ("ratio_blur", ratios::blurs),
+    ("ratio_warp", ratios::warps),
     ("scaled_product", scaled),
     ("sparse_product", products),
     ("surroundings", rays::openness),

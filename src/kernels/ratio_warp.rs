@@ -128,11 +128,15 @@ fn bilinear(params: &Params, values: &[[f32; 4]], at: Vec2) -> Vec4 {
     let low = at.floor();
     let share = at - low;
     let (x, y) = (low.x as i32, low.y as i32);
-    let row = |y: i32| {
-        let (left, right) = (fetch(params, values, x, y), fetch(params, values, x + 1, y));
-        left + (right - left) * share.x
+    let width = params.width as usize;
+    let inside = x >= 0 && y >= 0 && x + 1 < params.width as i32 && y + 1 < params.height as i32;
+    let [above, below] = if inside {
+        let first = y as usize * width + x as usize;
+        [first, first + width].map(|i| [Vec4::from_array(values[i]), Vec4::from_array(values[i + 1])])
+    } else {
+        [y, y + 1].map(|y| [fetch(params, values, x, y), fetch(params, values, x + 1, y)])
     };
-    let (above, below) = (row(y), row(y + 1));
+    let [above, below] = [above, below].map(|[left, right]| left + (right - left) * share.x);
     above + (below - above) * share.y
 }
 

@@ -59,13 +59,12 @@ pub fn place(units: Units, look: Option<Look>) -> Place {
     for (k, column) in columns.into_iter().enumerate() {
         // Between pixels the look-up blurs by about a pixel: what that is short of the area, it is spread by. So
         // nothing is blurred that is not made smaller, and nothing jumps where it begins to be.
-        let length = column.length();
-        let spread = (length * length - 1.01).max(0.0).sqrt();
-        if spread > 0.0 {
-            let spread = spread.min(furthest);
-            let side = column / length * spread;
+        let square = column.length_squared();
+        if square > 1.01 {
+            let spread = (square - 1.01).sqrt().min(furthest);
+            let side = column / square.sqrt() * spread;
             if side.is_finite() {
-                place.counts[k] = 1 + (spread.ceil() as u32).min(Place::MOST - 1);
+                place.counts[k] = ((spread + 0.5).ceil() as u32).min(Place::MOST);
                 place.sides[k] = side.as_vec2().to_array();
             }
         }

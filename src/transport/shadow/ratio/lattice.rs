@@ -54,10 +54,24 @@ impl Lattice {
         let cells = self.cells();
         let rest = Self::rest(self.rows, self.columns, self.frame);
         let folded = cells.iter().filter(|corners| self.is_folded(corners)).count();
-        let width = ratio.width;
-        let mut places = vec![Place::NOWHERE; width * ratio.height];
-        let rows = places.par_chunks_mut(width.max(1)).enumerate();
-        let doubled = rows.map(|(y, row)| self.row(&cells, &rest, units, y, row)).sum();
+        let width = ratio.width.max(1);
+        let mut places = vec![Place::NOWHERE; ratio.width * ratio.height];
+        let blocks = places.par_chunks_mut(width * ROWS).enumerate();
+        let doubled = blocks.map(|(block, places)| {
+            // A row and the one below it, which tells how far apart they look.
+            let map = |y| self.row(&cells, &rest, units, y, width);
+            let mut row = map(block * ROWS);
+            let mut doubled = 0;
+            for (k, places) in places.chunks_mut(width).enumerate() {
+                let y = block * ROWS + k;
+                let below = map(y + 1);
+                self.places(&cells, &rest, units, y, [&row, &below], places);
+                doubled += row.doubled;
+                row = below;
+            }
+            doubled
+        });
+        let doubled = doubled.sum();
         Ok((warp(device, ratio, &places)?, Told { folded, doubled }))
     }
 
@@ -105,50 +119,72 @@ impl Lattice {
         (0..4).any(|k| (at(k + 1) - at(k)).perp_dot(at(k + 2) - at(k + 1)) <= 0.0)
     }
 
-    /// Fills one row of pixels; how many of them more than one cell covers.
-    fn row(&self, cells: &[[usize; 4]], rest: &[DVec2], units: Units, y: usize, row: &mut [Place]) -> usize {
-        const NONE: usize = usize::MAX;
+    /// Where a row of pixels lies in the cells.
+    fn row(&self, cells: &[[usize; 4]], rest: &[DVec2], units: Units, y: usize, width: usize) -> Row {
         let height = units.of_pixel(0, y).y;
-        let mut owner = vec![NONE; row.len()];
+        let mut owners = vec![NONE; width];
         let mut doubled = 0;
         for (n, corners) in cells.iter().enumerate() {
             for [from, to] in spans(&corners.map(|at| self.points[at]), height) {
                 // Middles of pixels in [from, to).
-                let pixel = |x: f64| ((x * units.0.x - 0.5).ceil().max(0.0) as usize).min(row.len());
-                for pixel in &mut owner[pixel(from)..pixel(to).max(pixel(from))] {
-                    doubled += usize::from(*pixel != NONE);
-                    *pixel = n;
+                let pixel = |x: f64| ((x * units.0.x - 0.5).ceil().max(0.0) as usize).min(width);
+                for owner in &mut owners[pixel(from)..pixel(to).max(pixel(from))] {
+                    doubled += usize::from(*owner != NONE);
+                    *owner = n;
                 }
             }
         }
-        let map = |n: usize, at: DVec2| {
-            let corners = cells[n];
-            mean_value(&corners.map(|at| self.points[at]), &corners.map(|at| rest[at]), at)
+        let source = |(x, n): (usize, &usize)| match *n {
+            NONE => DVec2::ZERO,
+            n => self.source(cells[n], rest, units.of_pixel(x, y)),
         };
-        let sources: Vec<DVec2> = (owner.iter().enumerate())
-            .map(|(x, n)| if *n == NONE { DVec2::ZERO } else { map(*n, units.of_pixel(x, y)) })
-            .collect();
+        let sources = owners.iter().enumerate().map(source).collect();
+        Row { owners, sources, doubled }
+    }
+
+    fn source(&self, cell: [usize; 4], rest: &[DVec2], at: DVec2) -> DVec2 {
+        mean_value(&cell.map(|at| self.points[at]), &cell.map(|at| rest[at]), at)
+    }
+
+    /// Fills a row of pixels; `rows`: it and the one below.
+    fn places(&self, cells: &[[usize; 4]], rest: &[DVec2], units: Units, y: usize, rows: [&Row; 2], out: &mut [Place]) {
         let [low, high] = self.frame;
-        for (x, out) in row.iter_mut().enumerate() {
-            let at = units.of_pixel(x, y);
-            let n = owner[x];
+        let [row, below] = rows;
+        for (x, out) in out.iter_mut().enumerate() {
+            let (at, n, source) = (units.of_pixel(x, y), row.owners[x], row.sources[x]);
             if n == NONE {
                 let bare = at.cmpge(low).all() && at.cmplt(high).all();
                 *out = place(units, (!bare).then_some(Look { at, change: DMat2::IDENTITY }));
                 continue;
             }
-            let source = sources[x];
-            // The next pixel of the cell has been mapped already.
-            let right = match owner.get(x + 1) {
-                Some(next) if *next == n => (sources[x + 1] - source) * units.0.x,
-                _ => (map(n, at + DVec2::X * STEP) - source) / STEP,
+            // The next pixel of the same cell has been mapped already.
+            let right = match row.owners.get(x + 1) {
+                Some(next) if *next == n => (row.sources[x + 1] - source) * units.0.x,
+                _ => (self.source(cells[n], rest, at + DVec2::X * STEP) - source) / STEP,
             };
-            let down = (map(n, at + DVec2::Y * STEP) - source) / STEP;
+            let down = match below.owners[x] {
+                next if next == n => (below.sources[x] - source) * units.0.y,
+                _ => (self.source(cells[n], rest, at + DVec2::Y * STEP) - source) / STEP,
+            };
             *out = place(units, Some(Look { at: source, change: DMat2::from_cols(right, down) }));
         }
-        doubled
     }
 }
+
+/// What covers the pixels of a row.
+struct Row {
+    /// Numbers of cells, or `NONE`.
+    owners: Vec<usize>,
+    /// What each pixel looks at.
+    sources: Vec<DVec2>,
+    /// Pixels under more than one cell.
+    doubled: usize,
+}
+
+const NONE: usize = usize::MAX;
+
+/// Rows of pixels that one task fills.
+const ROWS: usize = 16;
 
 /// For differences, in units of the picture: far below a pixel, far above the rounding of positions.
 const STEP: f64 = 1e-5;
