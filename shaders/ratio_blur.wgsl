@@ -1,21 +1,22 @@
-// One pass of five taps over a picture of ratios. Twin of src/kernels/ratio_blur.rs; uses shared/grid.wgsl.
+// Exponentials forth and back along lines of a picture, in place; one line a lane. Twin of src/kernels/ratio_blur.rs;
+// uses shared/grid.wgsl.
 
 struct Params {
-    width: u32,
-    height: u32,
-    vertical: u32,  // 1 along columns, 0 along rows
-    step: u32,      // pixels from tap to tap
-    near: f32,      // weight at `step`
-    far: f32,       // weight at `2 step`
-    linked: u32,    // whether links are given
+    lines: u32,
+    length: u32,        // values of a line
+    line_stride: u32,   // from line to line
+    stride: u32,        // from value to value
+    share: f32,
+    linked: u32,        // whether links are given
     pad0: u32,
+    pad1: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> values: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> near_links: array<u32>;
-@group(0) @binding(3) var<storage, read> far_links: array<u32>;
-@group(0) @binding(4) var<storage, read_write> blurred: array<vec4<f32>>;
+@group(0) @binding(1) var<storage, read> links: array<u32>;
+@group(0) @binding(2) var<storage, read_write> values: array<vec4<f32>>;
+
+const LEAST: f32 = 1e-15;
 
 @compute @workgroup_size(64)
 fn ratio_blur(
@@ -23,47 +24,34 @@ fn ratio_blur(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = group_index(group, groups) * 64u + lane;
-    if i >= params.width * params.height {
+    let line = group_index(group, groups) * 64u + lane;
+    if line >= params.lines {
         return;
     }
-    let value = values[i];
-    if value.w == 0.0 {
-        blurred[i] = value;
-        return;
+    let first = line * params.line_stride;
+    var last = values[first];
+    for (var i = 1u; i < params.length; i++) {
+        let at = first + i * params.stride;
+        last = blend(last, values[at], share(line, i - 1u));
+        values[at] = last;
     }
-    let vertical = params.vertical == 1u;
-    let stride = select(1u, params.width, vertical);
-    let length = select(params.width, params.height, vertical);
-    let place = select(i % params.width, i / params.width, vertical);
-    var sum = vec4(0.0);
-    var total = 1.0 - 2.0 * (params.near + params.far);
-    for (var k = 0u; k < 2u; k++) {
-        let distance = params.step * (k + 1u);
-        let weight = select(params.near, params.far, k == 1u);
-        let left = min(place, distance);
-        let right = min(length - 1u - place, distance);
-        let j = i - left * stride;
-        let l = i + right * stride;
-        var back = weight * values[j].w;
-        var ahead = weight * values[l].w;
-        if params.linked == 1u {
-            back *= select(0.0, link(k, j), left == distance);
-            ahead *= select(0.0, link(k, i), right == distance);
-        }
-        sum += (values[j] - value) * back + (values[l] - value) * ahead;
-        total += back + ahead;
+    for (var i = params.length - 1u; i > 0u; i--) {
+        let at = first + (i - 1u) * params.stride;
+        last = blend(last, values[at], share(line, i - 1u));
+        values[at] = last;
     }
-    blurred[i] = vec4((value + sum / total).xyz, value.w);
 }
 
-// How far a pixel and the one `step` (k = 0) or `2 step` (k = 1) further along lie on one surface.
-fn link(k: u32, i: u32) -> f32 {
-    var word = 0u;
-    if k == 0u {
-        word = near_links[i / 4u];
-    } else {
-        word = far_links[i / 4u];
+fn blend(last: vec4<f32>, value: vec4<f32>, share: f32) -> vec4<f32> {
+    let next = value + (last - value) * share;
+    return select(next, vec4(0.0), abs(next) < vec4(LEAST));
+}
+
+// Between value i of a line and the next one.
+fn share(line: u32, i: u32) -> f32 {
+    if params.linked == 0u {
+        return params.share;
     }
-    return f32((word >> (8u * (i % 4u))) & 255u) / 255.0;
+    let n = line * params.length + i;
+    return params.share * (f32((links[n / 4u] >> (8u * (n % 4u))) & 255u) / 255.0);
 }

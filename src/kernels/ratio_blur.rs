@@ -1,13 +1,12 @@
-//! Blurs a picture of ratios along rows or columns, one pass of five taps after another (thesis 6.7.5; the kernel with
-//! holes of the à-trous algorithm, Holschneider et al. 1989).
+//! Blurs a picture along rows and columns with exponentials, forth and back (as the recursive filter of Gastal and
+//! Oliveira 2011, "Domain transform for edge-aware image and video processing").
 //!
 //! ```text
-//! out = v + sum_k w_k l_k d_k (v_k - v) / (w_0 + sum_k w_k l_k d_k),   k = -2 step, -step, step, 2 step
+//! y_i = x_i + a l_i (y_{i-1} - x_i)          forth;  l_i: link of pixel i - 1 and pixel i, [0, 1]
+//! z_i = y_i + a l_{i+1} (z_{i+1} - y_i)      back
 //! ```
-//! `w` is `far, near, 1 - 2 near - 2 far, near, far`; `d` is a pixel's fourth element, 1 where there is a ratio and 0
-//! where there is none: such pixels neither give nor take. `l` is a link between two pixels of one surface, [0, 1], of
-//! which a u32 holds four. Without links all are 1 and the picture goes on beyond its edges as it ends there; with
-//! links it stops there. Constants stay to the bit, because differences are summed.
+//! The cost does not depend on the width, and the picture goes on beyond its edges, and surfaces beyond theirs, as they
+//! end there. Variance of one sweep: `2 a / (1 - a)^2`; a few of them make a Gaussian. Equal values stay to the bit.
 
 #[cfg(feature = "gpu")]
 use crate::device::Gpu;
@@ -19,14 +18,14 @@ use rayon::prelude::*;
 
 uniform! {
     struct Params {
-        width: u32,
-        height: u32,
-        vertical: u32,
-        step: u32,
-        near: f32,
-        far: f32,
+        lines: u32,
+        length: u32,
+        line_stride: u32,
+        stride: u32,
+        share: f32,
         linked: u32,
         pad0: u32,
+        pad1: u32,
     }
 }
 
@@ -36,145 +35,141 @@ pub const KERNEL: Kernel = Kernel {
     source: include_str!("../../shaders/ratio_blur.wgsl"),
     workgroup: [64, 1, 1],
     uniform: Params::UNIFORM,
-    bindings: &[
-        Binding::read::<[f32; 4]>("values"),
-        Binding::read::<u32>("near_links"),
-        Binding::read::<u32>("far_links"),
-        Binding::write::<[f32; 4]>("blurred"),
-    ],
+    bindings: &[Binding::read::<u32>("links"), Binding::write::<[f32; 4]>("values")],
 };
 
-/// One sweep over the picture.
-#[derive(Clone)]
-pub struct Pass {
-    /// Along columns; otherwise along rows.
-    pub vertical: bool,
-    /// Pixels from one tap to the next.
-    pub step: usize,
-    /// Weights of the taps at `step` and at `2 step`; `near + far` is below 1/2.
-    pub near: f32,
-    pub far: f32,
-    /// Links of each pixel to those `step` and `2 step` further along, a byte each; the last u32 may be part empty.
-    pub links: Option<[Array<u32>; 2]>,
-}
+/// Smaller values are 0: what fades out comes to an end, and before denormal numbers, which are slow.
+const LEAST: f32 = 1e-15;
 
-/// Runs the passes in order over a picture of rows of `width` pixels.
+/// The order of sweeps: along rows (0) and columns (1), as often, each next to itself where that can be.
+pub const SWEEPS: [usize; 8] = [0, 1, 1, 0, 0, 1, 1, 0];
+
+/// Four sweeps along rows and four along columns of a picture of rows of `width` pixels. `share` is a, in [0, 1).
+/// `links`: of each pixel to the next one in its row, row by row; and to the next one in its column, column by column; a
+/// byte each, 255 for 1, in words of four of which the last may be part empty. Without links all are 1.
 ///
 /// # Errors
-/// `Compute` when values are not whole rows, links are not one a pixel, or a weight or step is out of range. Pictures
-/// larger than a GPU binding are blurred on the CPU.
-pub fn ratio_blur(device: &Device, values: &[[f32; 4]], width: usize, passes: &[Pass]) -> Result<Vec<[f32; 4]>> {
-    check(values.len(), width, passes)?;
-    if passes.is_empty() || values.is_empty() {
-        return Ok(values.to_vec());
-    }
-    match device {
-        Device::Cpu => Ok(cpu(values, width, passes)),
-        #[cfg(feature = "gpu")]
-        Device::Gpu(gpu) if values.len() <= gpu.page(16) => self::gpu(gpu, values, width, passes),
-        #[cfg(feature = "gpu")]
-        Device::Gpu(_) => Ok(cpu(values, width, passes)),
-    }
-}
-
-fn check(pixels: usize, width: usize, passes: &[Pass]) -> Result<()> {
+/// `Compute` when values are not whole rows, links are not one a pixel, or `share` is out of range. Pictures larger than
+/// a page of the GPU are blurred on the CPU.
+pub fn ratio_blur(
+    device: &Device,
+    values: &[[f32; 4]],
+    width: usize,
+    share: f32,
+    links: Option<[&Array<u32>; 2]>,
+) -> Result<Vec<[f32; 4]>> {
     let fault = |what: String| {
         let help = "this is a fault of the node that called the kernel; please report it";
         Err(Error::compute(format!("ratio_blur: {what}"), help))
     };
-    if pixels >= 1 << 31 || !pixels.is_multiple_of(width.max(1)) {
-        return fault(format!("{pixels} values are not rows of {width}"));
+    if values.len() >= 1 << 31 || !values.len().is_multiple_of(width.max(1)) {
+        return fault(format!("{} values are not rows of {width}", values.len()));
     }
-    for pass in passes {
-        if pass.step == 0
-            || pass.step >= 1 << 29
-            || !(pass.near >= 0.0 && pass.far >= 0.0 && pass.near + pass.far < 0.5)
-        {
-            return fault(format!("a step of {} with weights {} and {}", pass.step, pass.near, pass.far));
-        }
-        for links in pass.links.iter().flatten().filter(|links| links.len() != pixels.div_ceil(4)) {
-            return fault(format!("{} words of links for {pixels} pixels", links.len()));
-        }
+    if !(0.0..1.0).contains(&share) {
+        return fault(format!("a share of {share}"));
     }
-    Ok(())
-}
-
-fn params(pixels: usize, width: usize, pass: &Pass) -> Params {
-    Params {
-        width: width as u32,
-        height: (pixels / width) as u32,
-        vertical: u32::from(pass.vertical),
-        step: pass.step as u32,
-        near: pass.near,
-        far: pass.far,
-        linked: u32::from(pass.links.is_some()),
-        pad0: 0,
+    if let Some(links) = links.iter().flatten().find(|links| links.len() != values.len().div_ceil(4)) {
+        return fault(format!("{} words of links for {} pixels", links.len(), values.len()));
+    }
+    if share == 0.0 || values.is_empty() {
+        return Ok(values.to_vec());
+    }
+    match device {
+        Device::Cpu => Ok(cpu(values, width, share, links)),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(gpu) if values.len() <= gpu.page(16) => self::gpu(gpu, values, width, share, links),
+        #[cfg(feature = "gpu")]
+        Device::Gpu(_) => Ok(cpu(values, width, share, links)),
     }
 }
 
-fn cpu(values: &[[f32; 4]], width: usize, passes: &[Pass]) -> Vec<[f32; 4]> {
-    let mut blurred = vec![[0.0; 4]; values.len()];
-    let mut before = Vec::new();
-    for (turn, pass) in passes.iter().enumerate() {
-        let source = if turn == 0 { values } else { &before };
-        let params = params(values.len(), width, pass);
-        blurred.par_chunks_mut(width).enumerate().for_each(|(y, out)| row(&params, pass, source, y, out));
-        if turn + 1 < passes.len() {
-            before.resize(values.len(), [0.0; 4]);
-            std::mem::swap(&mut before, &mut blurred);
+fn cpu(values: &[[f32; 4]], width: usize, share: f32, links: Option<[&Array<u32>; 2]>) -> Vec<[f32; 4]> {
+    let (mut picture, height) = (values.to_vec(), values.len() / width);
+    let mut turned = vec![[0.0; 4]; values.len()];
+    let lengths = [width, height];
+    let mut lies = 0;
+    for axis in SWEEPS {
+        if axis != lies {
+            transpose(&picture, lengths[lies], &mut turned);
+            std::mem::swap(&mut picture, &mut turned);
+            lies = axis;
         }
-    }
-    blurred
-}
-
-fn row(params: &Params, pass: &Pass, values: &[[f32; 4]], y: usize, out: &mut [[f32; 4]]) {
-    let width = params.width as usize;
-    let (stride, length) = if pass.vertical { (width, params.height as usize) } else { (1, width) };
-    let taps: [(usize, f32, Option<&[u8]>); 2] = std::array::from_fn(|k| {
-        let links = pass.links.as_ref().map(|links| bytemuck::cast_slice(&links[k][..]));
-        ([pass.step, 2 * pass.step][k], [pass.near, pass.far][k], links)
-    });
-    for (x, out) in out.iter_mut().enumerate() {
-        let i = y * width + x;
-        let place = if pass.vertical { y } else { x };
-        let value = Vec4::from_array(values[i]);
-        if value.w == 0.0 {
-            *out = values[i];
-            continue;
-        }
-        let mut sum = Vec4::ZERO;
-        let mut total = 1.0 - 2.0 * (pass.near + pass.far);
-        for (distance, weight, links) in taps {
-            let (left, right) = (place.min(distance), (length - 1 - place).min(distance));
-            let (j, k) = (i - left * stride, i + right * stride);
-            let (mut back, mut ahead) = (weight * values[j][3], weight * values[k][3]);
-            if let Some(links) = links {
-                back *= if left == distance { f32::from(links[j]) / 255.0 } else { 0.0 };
-                ahead *= if right == distance { f32::from(links[i]) / 255.0 } else { 0.0 };
+        let links: Option<&[u8]> = links.map(|links| bytemuck::cast_slice(&links[axis][..]));
+        let length = lengths[axis];
+        picture.par_chunks_mut(length).enumerate().for_each(|(n, line)| match links {
+            Some(links) => {
+                let links = &links[n * length..];
+                sweep(line, |i| share * (f32::from(links[i]) / 255.0));
             }
-            sum += (Vec4::from_array(values[j]) - value) * back + (Vec4::from_array(values[k]) - value) * ahead;
-            total += back + ahead;
-        }
-        *out = (value + sum / total).with_w(value.w).to_array();
+            None => sweep(line, |_| share),
+        });
     }
+    picture
+}
+
+/// Forth and back; `share(i)`: between value i and the next one.
+fn sweep(line: &mut [[f32; 4]], share: impl Fn(usize) -> f32) {
+    let step = |last: Vec4, value: [f32; 4], share: f32| {
+        let value = Vec4::from_array(value);
+        let next = value + (last - value) * share;
+        Vec4::select(next.abs().cmplt(Vec4::splat(LEAST)), Vec4::ZERO, next)
+    };
+    let mut last = Vec4::from_array(line[0]);
+    for i in 1..line.len() {
+        last = step(last, line[i], share(i - 1));
+        line[i] = last.to_array();
+    }
+    for i in (0..line.len() - 1).rev() {
+        last = step(last, line[i], share(i));
+        line[i] = last.to_array();
+    }
+}
+
+/// Rows of `width` to columns.
+fn transpose(picture: &[[f32; 4]], width: usize, turned: &mut [[f32; 4]]) {
+    /// Columns that one task turns: a cache line of a row holds as many.
+    const BLOCK: usize = 4;
+    let height = picture.len() / width;
+    turned.par_chunks_mut(height * BLOCK).enumerate().for_each(|(block, columns)| {
+        for y in 0..height {
+            for (k, column) in columns.chunks_mut(height).enumerate() {
+                column[y] = picture[y * width + block * BLOCK + k];
+            }
+        }
+    });
 }
 
 #[cfg(feature = "gpu")]
-fn gpu(gpu: &Gpu, values: &[[f32; 4]], width: usize, passes: &[Pass]) -> Result<Vec<[f32; 4]>> {
-    let mut source = gpu.upload(values);
-    let mut target = gpu.storage::<[f32; 4]>(values.len());
-    let none = gpu.storage::<u32>(1);
+fn gpu(
+    gpu: &Gpu,
+    values: &[[f32; 4]],
+    width: usize,
+    share: f32,
+    links: Option<[&Array<u32>; 2]>,
+) -> Result<Vec<[f32; 4]>> {
+    let (picture, height) = (gpu.upload(values), values.len() / width);
+    let linked = u32::from(links.is_some());
+    let links = match links {
+        Some(links) => links.map(|links| gpu.whole(links)),
+        None => [gpu.storage::<u32>(1), gpu.storage::<u32>(1)],
+    };
     let mut batch = gpu.batch();
-    for pass in passes {
-        let params = params(values.len(), width, pass);
-        let [near, far] = match &pass.links {
-            Some(links) => links.each_ref().map(|links| gpu.whole(links)),
-            None => [none.clone(), none.clone()],
+    for axis in SWEEPS {
+        let [length, lines] = if axis == 0 { [width, height] } else { [height, width] };
+        let [line_stride, stride] = if axis == 0 { [width, 1] } else { [1, width] };
+        let params = Params {
+            lines: lines as u32,
+            length: length as u32,
+            line_stride: line_stride as u32,
+            stride: stride as u32,
+            share,
+            linked,
+            pad0: 0,
+            pad1: 0,
         };
-        batch.dispatch(&KERNEL, &params, &[&source, &near, &far, &target], values.len().div_ceil(64))?;
-        std::mem::swap(&mut source, &mut target);
+        batch.dispatch(&KERNEL, &params, &[&links[axis], &picture], lines.div_ceil(64))?;
     }
-    let [blurred] = batch.read([&source])?;
+    let [blurred] = batch.read([&picture])?;
     Ok(blurred.get().to_vec())
 }
 
@@ -182,53 +177,48 @@ fn gpu(gpu: &Gpu, values: &[[f32; 4]], width: usize, passes: &[Pass]) -> Result<
 mod tests {
     use super::*;
 
-    const PASS: Pass = Pass { vertical: false, step: 1, near: 0.25, far: 0.0625, links: None };
-
-    fn grey(values: &[f32]) -> Vec<[f32; 4]> {
-        values.iter().map(|v| [*v, *v, *v, 1.0]).collect()
-    }
-
-    fn blur(values: &[[f32; 4]], width: usize, passes: &[Pass]) -> Vec<f32> {
-        ratio_blur(&Device::Cpu, values, width, passes).unwrap().iter().map(|v| v[0]).collect()
+    fn blur(values: &[f32], width: usize, share: f32, links: Option<[Vec<u32>; 2]>) -> Vec<f32> {
+        let values: Vec<[f32; 4]> = values.iter().map(|v| [*v; 4]).collect();
+        let links = links.map(|links| links.map(Array::from));
+        let links = links.as_ref().map(|links| links.each_ref());
+        ratio_blur(&Device::Cpu, &values, width, share, links).unwrap().iter().map(|v| v[0]).collect()
     }
 
     #[test]
-    fn a_step_by_hand() {
-        let step = grey(&[0.0, 0.0, 0.0, 16.0, 16.0, 16.0]);
-        assert_eq!(blur(&step, 6, &[PASS]), [0.0, 1.0, 5.0, 11.0, 15.0, 16.0]);
-        // A column of the same, and two rows that see nothing of each other.
-        let down = Pass { vertical: true, ..PASS };
-        assert_eq!(blur(&step, 1, std::slice::from_ref(&down)), [0.0, 1.0, 5.0, 11.0, 15.0, 16.0]);
-        assert_eq!(blur(&step, 3, &[PASS]), [0.0, 0.0, 0.0, 16.0, 16.0, 16.0]);
-        assert_eq!(blur(&step, 3, &[down]), [5.0, 5.0, 5.0, 11.0, 11.0, 11.0]);
-        let wide = Pass { step: 2, ..PASS };
-        assert_eq!(blur(&step, 6, &[wide]), [1.0, 5.0, 5.0, 11.0, 11.0, 15.0]);
+    fn a_sweep_by_hand() {
+        let mut line = [[0.0; 4], [8.0; 4], [0.0; 4]];
+        sweep(&mut line, |_| 0.5);
+        // Forth 0, 4, 2; back 1.5, 3, 2.
+        assert_eq!(line.map(|v| v[0]), [1.5, 3.0, 2.0]);
+        sweep(&mut line[..1], |_| panic!("there is no other"));
     }
 
     #[test]
-    fn nothing_passes_where_there_is_no_link_or_no_ratio() {
-        let step = grey(&[0.0, 0.0, 0.0, 16.0, 16.0, 16.0]);
-        // 255 between neighbours within each half, 0 between the halves.
-        let links = [vec![0xff00_ffff_u32, 0x0000_00ff].into(), vec![0x0000_00ff_u32 | 0xff00_0000, 0].into()];
-        let linked = Pass { links: Some(links), ..PASS };
-        assert_eq!(blur(&step, 6, &[linked]), [0.0, 0.0, 0.0, 16.0, 16.0, 16.0]);
-        let mut hole = step.clone();
-        hole[2] = [1.0, 1.0, 1.0, 0.0];
-        let blurred = blur(&hole, 6, &[PASS]);
-        // w0 + what is left: 6/16, 4/16 (left), 1/16 and 4/16 (right).
-        assert_eq!(blurred[1], 16.0 / 12.0);
-        assert_eq!(blurred[2], 1.0);
+    fn rows_and_columns_are_alike_and_equal_values_stay() {
+        let row: Vec<f32> = (0..7).map(|i| (i * i % 5) as f32).collect();
+        assert_eq!(blur(&row, 7, 0.3, None), blur(&row, 1, 0.3, None));
+        assert_eq!(blur(&[0.3; 20], 5, 0.9, None), [0.3; 20]);
+        let both = blur(&[0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 0.0], 3, 0.4, None);
+        assert!((0..9).all(|i| (both[i] - both[i % 3 * 3 + i / 3]).abs() < 1e-6), "{both:?}");
+        assert!((both.iter().sum::<f32>() - 9.0).abs() < 3.0);
+    }
+
+    #[test]
+    fn nothing_passes_where_there_is_no_link() {
+        // 255 within pairs, 0 between them; one row, so that columns have no links to speak of.
+        let links = Some([vec![0x00ff_00ff], vec![0]]);
+        assert_eq!(blur(&[1.0, 1.0, 5.0, 5.0], 4, 0.7, links), [1.0, 1.0, 5.0, 5.0]);
+        assert_ne!(blur(&[1.0, 1.0, 5.0, 5.0], 4, 0.7, None), [1.0, 1.0, 5.0, 5.0]);
     }
 
     #[test]
     fn bad_calls_are_refused() {
-        let values = grey(&[1.0; 6]);
-        let run = |width, pass: Pass| ratio_blur(&Device::Cpu, &values, width, &[pass]);
-        assert!(run(4, PASS).is_err());
-        assert!(run(6, Pass { step: 0, ..PASS }).is_err());
-        assert!(run(6, Pass { near: f32::NAN, ..PASS }).is_err());
-        assert!(run(6, Pass { far: 0.3, ..PASS }).is_err());
-        assert!(run(6, Pass { links: Some([vec![0].into(), vec![0, 0].into()]), ..PASS }).is_err());
-        assert!(ratio_blur(&Device::Cpu, &[], 0, &[PASS]).unwrap().is_empty());
+        let values = [[1.0; 4]; 6];
+        let (one, two) = (Array::from(vec![0]), Array::from(vec![0, 0]));
+        let run = |width, share, links| ratio_blur(&Device::Cpu, &values, width, share, links);
+        assert!(run(4, 0.5, None).is_err());
+        assert!(run(6, 1.0, None).is_err() && run(6, f32::NAN, None).is_err() && run(6, -0.1, None).is_err());
+        assert!(run(6, 0.5, Some([&two, &one])).is_err() && run(6, 0.5, Some([&two, &two])).is_ok());
+        assert!(ratio_blur(&Device::Cpu, &[], 0, 0.5, None).unwrap().is_empty());
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::{ARITHMETIC, Devices, Outcome, Random, UGLY, compare};
 use chiaro::device::Array;
-use chiaro::kernels::ratio_blur::{Pass, ratio_blur};
+use chiaro::kernels::ratio_blur::ratio_blur;
 use chiaro::kernels::ratio_warp::{Place, ratio_warp};
 
 const SIZES: [(usize, usize); 6] = [(1, 1), (1, 7), (9, 1), (13, 11), (64, 3), (67, 51)];
@@ -25,19 +25,11 @@ pub fn blurs(devices: &Devices) -> Outcome {
             let values = picture(&mut random, pixels, ugly);
             // Differences of 65504 leave their rounding.
             let tolerance = if ugly { (65504.0 * 1e-6, 1e-5) } else { ARITHMETIC };
-            for linked in [false, true] {
-                let passes: Vec<Pass> = (0..8)
-                    .map(|k| Pass {
-                        vertical: k % 2 == 1,
-                        step: 1 << (k / 2),
-                        near: 0.25,
-                        far: 0.0625,
-                        links: linked.then(|| [words(&mut random), words(&mut random)]),
-                    })
-                    .collect();
-                for count in [0, 1, 2, 8] {
-                    compare(&format!("{width} x {height}, {count} passes"), devices, tolerance, |device| {
-                        ratio_blur(device, &values, width, &passes[..count])
+            for share in [0.0, 0.2, 0.93] {
+                let links = [words(&mut random), words(&mut random)];
+                for links in [None, Some(links.each_ref())] {
+                    compare(&format!("{width} x {height}, {share}"), devices, tolerance, |device| {
+                        ratio_blur(device, &values, width, share, links)
                     })?;
                 }
             }

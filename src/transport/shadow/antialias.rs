@@ -166,7 +166,7 @@ mod tests {
         for (i, value) in smooth.iter().enumerate() {
             let (x, y) = (i % 48, i / 48);
             let around: Vec<f32> = (0..48 * 36)
-                .filter(|j| (j % 48).abs_diff(x) <= 1 && (j / 48).abs_diff(y) <= 1)
+                .filter(|j: &usize| (j % 48).abs_diff(x) <= 1 && (j / 48).abs_diff(y) <= 1)
                 .map(|j| grey.data[j])
                 .collect();
             let (low, high) = around.iter().fold((f32::MAX, f32::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
