@@ -1,5 +1,6 @@
 //! The list of node types: one file and one entry each. Help, schema, README table and inspector come from it.
 
+pub mod antialias;
 pub mod blur_shadow;
 pub mod camera;
 pub mod caster_receiver;
@@ -18,6 +19,11 @@ pub mod material;
 pub mod merge;
 pub mod paint;
 pub mod pick;
+pub mod ratio_blur;
+pub mod ratio_grade;
+pub mod ratio_lattice;
+pub mod ratio_pattern;
+pub mod ratio_transform;
 pub mod read_edits;
 pub mod read_image;
 pub mod relight;
@@ -28,6 +34,7 @@ pub mod scene;
 pub mod select;
 pub mod shadow_gradient;
 pub mod source_brush;
+pub mod synthesize_shadow;
 pub mod texel_samples;
 pub mod tint_shadow;
 pub mod tone_map;
@@ -37,6 +44,7 @@ pub mod transport;
 pub mod view_samples;
 pub mod view_texels;
 pub mod visibility;
+pub mod visibility_ratio;
 pub mod write_edits;
 pub mod write_image;
 
@@ -66,16 +74,24 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<write_edits::WriteEdits>(),
     NodeType::of::<scale_offset::ScaleOffset>(),
     NodeType::of::<relight::Relight>(),
+    NodeType::of::<visibility::Visibility>(),
+    NodeType::of::<transport::Transport>(),
+    NodeType::of::<localize_light::LocalizeLight>(),
     NodeType::of::<remove_shadow::RemoveShadow>(),
     NodeType::of::<shadow_gradient::ShadowGradient>(),
     NodeType::of::<translate_shadow::TranslateShadow>(),
     NodeType::of::<rotate_shadow::RotateShadow>(),
     NodeType::of::<blur_shadow::BlurShadow>(),
     NodeType::of::<tint_shadow::TintShadow>(),
-    NodeType::of::<visibility::Visibility>(),
-    NodeType::of::<transport::Transport>(),
     NodeType::of::<integrate::Integrate>(),
-    NodeType::of::<localize_light::LocalizeLight>(),
+    NodeType::of::<visibility_ratio::VisibilityRatio>(),
+    NodeType::of::<ratio_transform::RatioTransform>(),
+    NodeType::of::<ratio_lattice::RatioLattice>(),
+    NodeType::of::<ratio_blur::RatioBlur>(),
+    NodeType::of::<ratio_grade::RatioGrade>(),
+    NodeType::of::<ratio_pattern::RatioPattern>(),
+    NodeType::of::<synthesize_shadow::SynthesizeShadow>(),
+    NodeType::of::<antialias::Antialias>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),

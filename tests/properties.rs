@@ -41,6 +41,8 @@ fn source(kind: Kind) -> &'static str {
         Kind::Selection => "block",
         Kind::Edits => "change",
         Kind::Image => "lit",
+        Kind::Ratio => "shade",
+        Kind::Environment | Kind::Visibility | Kind::Transport | Kind::Light => panic!("no node gives {kind:?} here"),
     }
 }
 
@@ -56,6 +58,11 @@ fn a_node_that_changes_nothing_is_its_input() {
         ("indirect_shadow", json!({ "amount": 0.0 })),
         ("material", json!({ "materials": ["red"] })),
         ("merge", json!({ "amount": 0.0 })),
+        ("ratio_blur", json!({})),
+        ("ratio_grade", json!({})),
+        ("ratio_lattice", json!({})),
+        ("ratio_pattern", json!({ "strength": 0.0 })),
+        ("ratio_transform", json!({})),
         ("source_brush", json!({})),
         ("tone_map", json!({ "operator": "none" })),
     ]);
@@ -78,6 +85,7 @@ fn a_node_that_changes_nothing_is_its_input() {
             "block": pick(&["block"]),
             "change": edit(json!({ "brightness": 2.0 }), json!({ "caster": "block" })),
             "lit": relight(None),
+            "shade": { "type": "visibility_ratio", "inputs": { "original": "lit", "removed": "lit" } },
             "same": { "type": name, "params": params, "inputs": inputs },
         }));
         assert_eq!(keyed(&plan, "same", 1.0).outputs, keyed(&plan, &from, 1.0).outputs, "{name}");
@@ -88,6 +96,7 @@ fn a_node_that_changes_nothing_is_its_input() {
             (Value::Image(a), Value::Image(b)) => std::sync::Arc::ptr_eq(a, b),
             (Value::Edits(a), Value::Edits(b)) => std::sync::Arc::ptr_eq(a, b),
             (Value::Scene(a), Value::Scene(b)) => std::sync::Arc::ptr_eq(a, b),
+            (Value::Ratio(a), Value::Ratio(b)) => std::sync::Arc::ptr_eq(a, b),
             _ => panic!("{name} passes what this test does not compare"),
         };
         assert!(same, "{name} gives another value");

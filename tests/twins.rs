@@ -6,6 +6,8 @@
 
 #[path = "twins/masks.rs"]
 mod masks;
+#[path = "twins/ratios.rs"]
+mod ratios;
 #[path = "twins/rays.rs"]
 mod rays;
 #[path = "twins/shadows.rs"]
@@ -56,6 +58,8 @@ const TESTS: &[(&str, Test)] = &[
     ("interpolate", interpolation),
     ("path_product", path_products),
     ("primary_visibility", rays::views),
+    ("ratio_blur", ratios::blurs),
+    ("ratio_warp", ratios::warps),
     ("run_light", runs_of_light),
     ("scaled_product", scaled),
     ("shadow_filter", shadows::filters),
@@ -294,7 +298,8 @@ fn runs_of_light(devices: &Devices) -> Outcome {
                 builder.push(&toggles).map_err(|error| error.to_string())?;
             }
             faces.push(builder.finish().map_err(|error| error.to_string())?);
-            let element = |random: &mut Random| -> Element { std::array::from_fn(|_| random.below(1 << 32) as u32 as i32) };
+            let element =
+                |random: &mut Random| -> Element { std::array::from_fn(|_| random.below(1 << 32) as u32 as i32) };
             tables.push(Array::from((0..=side * side).map(|_| element(&mut random)).collect::<Vec<_>>()));
         }
         let faces: Vec<Face> = faces.iter().zip(&tables).map(|(runs, table)| Face { runs, table }).collect();

@@ -16,13 +16,15 @@ pub mod hidden_rows;
 pub mod interpolate;
 pub mod path_product;
 pub mod primary_visibility;
+pub mod ratio_blur;
+pub mod ratio_warp;
 pub mod run_light;
 pub mod scaled_product;
+pub mod shadow_filter;
+pub mod shadow_light;
 mod shared {
     pub mod credit;
 }
-pub mod shadow_filter;
-pub mod shadow_light;
 pub mod sparse_product;
 pub mod surroundings;
 pub mod tone_map;
@@ -37,6 +39,8 @@ pub use haar_encode::{haar_decode, haar_encode};
 pub use haar2d_encode::haar2d_encode;
 pub use interpolate::interpolate;
 pub use path_product::path_product;
+pub use ratio_blur::ratio_blur;
+pub use ratio_warp::ratio_warp;
 pub use run_light::run_light;
 pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
@@ -73,6 +77,8 @@ pub const ALL: &[&Kernel] = &[
     &interpolate::KERNEL,
     &path_product::KERNEL,
     &primary_visibility::KERNEL,
+    &ratio_blur::KERNEL,
+    &ratio_warp::KERNEL,
     &run_light::KERNEL,
     &scaled_product::KERNEL,
     &shadow_filter::KERNEL,

@@ -20,12 +20,34 @@ const SLIDERS: &[(&str, &str, f64)] = &[
     ("directionality", "amount", 0.005),
 ];
 
+/// As `SLIDERS`, for ratios of shadows: what is waited for is the first picture with a shadow put in.
+const RATIO_SLIDERS: &[(&str, &str, f64)] = &[
+    ("ratio_transform", "rotate", 0.1),
+    ("ratio_lattice", "amount", 0.002),
+    ("ratio_blur", "radius", 0.0002),
+    ("ratio_grade", "strength", 0.002),
+    ("ratio_pattern", "angle", 0.1),
+];
+
 /// Every node of the recipe that has such a parameter, one after the other.
 pub fn run(document: &mut Document, device: Device, runs: u32, registry: &'static [NodeType]) -> Result<()> {
-    let plan = Plan::new(document, registry)?;
-    let Some(step) = plan.steps.iter().find(|step| step.node_type.info.name == "relight") else { return Ok(()) };
-    let target = step.name.clone();
     let evaluator = Evaluator::new(Options::new(device));
+    slide(document, &evaluator, runs, registry, "relight", SLIDERS)?;
+    slide(document, &evaluator, runs, registry, "synthesize_shadow", RATIO_SLIDERS)
+}
+
+/// `kind`: of the node that is waited for, the first of its kind in the recipe.
+fn slide(
+    document: &mut Document,
+    evaluator: &Evaluator,
+    runs: u32,
+    registry: &'static [NodeType],
+    kind: &str,
+    sliders: &[(&str, &str, f64)],
+) -> Result<()> {
+    let plan = Plan::new(document, registry)?;
+    let Some(step) = plan.steps.iter().find(|step| step.node_type.info.name == kind) else { return Ok(()) };
+    let target = step.name.clone();
     let never = AtomicBool::new(false);
     let context = Context { out: None, sink: &Silent, cancel: &never };
     let render = |document: &Document| -> Result<()> {
@@ -37,7 +59,7 @@ pub fn run(document: &mut Document, device: Device, runs: u32, registry: &'stati
         .nodes
         .iter()
         .filter_map(|(name, entry)| {
-            let (_, param, step) = SLIDERS.iter().find(|(kind, ..)| *kind == entry.kind)?;
+            let (_, param, step) = sliders.iter().find(|(kind, ..)| *kind == entry.kind)?;
             Some((name.clone(), *param, entry.params.get(*param)?.as_f64()?, *step))
         })
         .collect();

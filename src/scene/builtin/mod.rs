@@ -3,8 +3,8 @@
 mod builder;
 mod hall;
 mod room;
-mod yard;
 pub mod skies;
+mod yard;
 
 use crate::scene::Scene;
 

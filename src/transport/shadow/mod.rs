@@ -14,8 +14,11 @@
 //! tables      an environment made ready to be summed over rows
 //! integrate   visibility and light -> a picture
 //! ratio       a shadow as a picture of factors
+//! kinship     which points of a picture lie on one surface
+//! antialias   smooth edges for one sample a pixel
 //! ```
 
+pub mod antialias;
 pub mod bake;
 pub mod direct;
 pub mod edited;
@@ -23,6 +26,7 @@ pub mod edits;
 pub mod haar;
 pub mod horizon;
 pub mod integrate;
+pub mod kinship;
 pub mod lamp;
 pub mod localize;
 pub mod ratio;
