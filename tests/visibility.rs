@@ -81,8 +81,10 @@ impl Rays {
 
     fn open(&self, point: &SurfacePoint, direction: Vec3) -> bool {
         let origin = sampling::lifted(point.position.into(), point.geometric_normal.into(), self.lift);
+        // A hit where the ray starts is none.
+        let ray = Ray::new(origin.into(), direction.into(), f32::MIN_POSITIVE, f32::INFINITY);
         Vec3::from(point.normal).dot(direction) > 0.0
-            && self.tree.ray_traverse_miss(Ray::new_inf(origin.into(), direction.into()), |ray, id| {
+            && self.tree.ray_traverse_miss(ray, |ray, id| {
                 self.triangles[self.tree.primitive_indices[id] as usize].intersect(ray)
             })
     }
