@@ -116,8 +116,8 @@ mod tests {
                 worst = worst.max((found - exact).abs() / peak);
             }
             assert!((sum - 1.0).abs() < 2e-3, "{deviation}: {sum}");
-            // Four exponentials are somewhat sharper than a Gaussian.
-            assert!(worst < if deviation < 2.0 { 0.4 } else { 0.25 }, "{deviation}: off by {worst} of the peak");
+            // Four exponentials have a sharper peak than a Gaussian, most of all where there are few pixels.
+            assert!(worst < if deviation < 2.0 { 0.6 } else { 0.35 }, "{deviation}: off by {worst} of the peak");
         }
     }
 
@@ -139,7 +139,8 @@ mod tests {
                     worst = worst.max((exact - f64::from(blurred.values[x / fine][0])).abs());
                 }
             }
-            assert!(worst < 0.035, "{deviation}: off by {worst}");
+            let limit = [(1.5, 0.08), (3.0, 0.035)].into_iter().find(|(below, _)| deviation < *below);
+            assert!(worst < limit.map_or(0.025, |(_, limit)| limit), "{deviation}: off by {worst}");
         }
     }
 

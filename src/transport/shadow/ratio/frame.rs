@@ -50,7 +50,7 @@ pub fn place(units: Units, look: Option<Look>) -> Place {
     let Some(look) = look else { return Place::NOWHERE };
     let at = ((look.at * units.0 - 0.5) * GRID).round() / GRID;
     let furthest = 0.5 * f64::from(Place::FURTHEST);
-    if !(at.abs().max_element() < furthest) {
+    if !at.is_finite() || at.abs().max_element() >= furthest {
         return Place::NOWHERE;
     }
     // Units of the source for units of the target are pixels for pixels.

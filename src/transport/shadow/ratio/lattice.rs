@@ -90,14 +90,15 @@ impl Lattice {
             let help = format!("give {} rows of {} points, {expected} in all", rows + 1, columns + 1);
             return Err(Error::compute(message, help));
         }
-        if let Some(at) = self.points.iter().position(|point| !(point.abs().max_element() < 1e6)) {
+        if let Some(at) = self.points.iter().position(|point| !point.is_finite() || point.abs().max_element() >= 1e6) {
             return Err(Error::compute(
                 format!("point {at} is at {}", self.points[at]),
                 "give points near the picture",
             ));
         }
         let [low, high] = self.frame;
-        if !((high - low).min_element() > 1e-9 && low.is_finite() && (high - low).max_element() < 1e6) {
+        let size = high - low;
+        if !low.is_finite() || !high.is_finite() || size.min_element() <= 1e-9 || size.max_element() >= 1e6 {
             let message = format!("a frame from {low} to {high} has no area");
             return Err(Error::compute(message, "give its upper left and its lower right corner"));
         }
