@@ -290,7 +290,8 @@ fn runs_of_light(devices: &Devices) -> Outcome {
                 builder.push(&toggles).map_err(|error| error.to_string())?;
             }
             faces.push(builder.finish().map_err(|error| error.to_string())?);
-            let element = |random: &mut Random| -> Element { std::array::from_fn(|_| random.below(1 << 32) as u32 as i32) };
+            let element =
+                |random: &mut Random| -> Element { std::array::from_fn(|_| random.below(1 << 32) as u32 as i32) };
             tables.push(Array::from((0..=side * side).map(|_| element(&mut random)).collect::<Vec<_>>()));
         }
         let faces: Vec<Face> = faces.iter().zip(&tables).map(|(runs, table)| Face { runs, table }).collect();
