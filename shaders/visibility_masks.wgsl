@@ -171,13 +171,13 @@ fn reach(node: u32, row: ptr<function, Row>) -> f32 {
     let near_scale = 1.0 / max(low.z, NEAR);
     let far_scale = 1.0 / max(high.z, NEAR);
     let half = 0.5 * (*row).size;
-    let from = min(low.xy * near_scale, low.xy * far_scale) * half + (half - 0.5) - TEXELS_SLACK;
-    let to = max(high.xy * near_scale, high.xy * far_scale) * half + (half - 0.5) + TEXELS_SLACK;
-    if from.y > (*row).y || to.y < (*row).y {
+    let lower = min(low.xy * near_scale, low.xy * far_scale) * half + (half - 0.5) - TEXELS_SLACK;
+    let upper = max(high.xy * near_scale, high.xy * far_scale) * half + (half - 0.5) + TEXELS_SLACK;
+    if lower.y > (*row).y || upper.y < (*row).y {
         return FAR;
     }
-    let left = i32(clamp(ceil(from.x), 0.0, (*row).size));
-    let right = i32(clamp(floor(to.x), -1.0, (*row).size - 1.0));
+    let left = i32(clamp(ceil(lower.x), 0.0, (*row).size));
+    let right = i32(clamp(floor(upper.x), -1.0, (*row).size - 1.0));
     for (var word = 0u; word < (*row).words; word++) {
         if ((*row).open[word] & span(word, left, right)) != 0u {
             return max(low.z, 0.0);

@@ -113,7 +113,7 @@ fn cpu(
                 scratch.mask.write(out);
                 continue;
             }
-            draw(Plain, occluders, point, face, wanted, scratch);
+            draw::<Plain>(occluders, point, face, wanted, scratch);
             scratch.mask.write(out);
         }
     });
@@ -128,7 +128,6 @@ struct Scratch {
 
 #[inline(always)]
 fn draw<L: Lanes>(
-    lanes: L,
     occluders: &Occluders,
     point: &SurfacePoint,
     face: usize,
@@ -136,14 +135,14 @@ fn draw<L: Lanes>(
     scratch: &mut Scratch,
 ) {
     let eye = sampling::lifted(point.position.into(), point.geometric_normal.into(), occluders.lift);
-    scratch.mask.open(lanes, point.normal.into(), face, wanted);
-    walk::walk(lanes, occluders, eye, face, &mut scratch.mask, &mut scratch.stack);
+    scratch.mask.open::<L>(point.normal.into(), face, wanted);
+    walk::walk::<L>(occluders, eye, face, &mut scratch.mask, &mut scratch.stack);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn draw_avx2(occluders: &Occluders, point: &SurfacePoint, face: usize, wanted: Option<&[u32]>, scratch: &mut Scratch) {
-    draw(lanes::Avx2, occluders, point, face, wanted, scratch);
+    draw::<lanes::Avx2>(occluders, point, face, wanted, scratch);
 }
 
 #[cfg(feature = "gpu")]

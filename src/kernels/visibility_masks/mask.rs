@@ -75,8 +75,7 @@ impl Mask {
 
     /// Opens the wanted texels (row-major bits) whose directions `d` have `normal . d > 0`.
     #[inline(always)]
-    pub fn open<L: Lanes>(&mut self, lanes: L, normal: Vec3, face: usize, wanted: Option<&[u32]>) {
-        let _ = lanes;
+    pub fn open<L: Lanes>(&mut self, normal: Vec3, face: usize, wanted: Option<&[u32]>) {
         let (axis, sign) = cube::axis(face);
         let (nu, nv) = (L::splat(normal[(axis + 1) % 3]), normal[(axis + 2) % 3]);
         let straight = normal[axis] * sign;
@@ -113,8 +112,7 @@ impl Mask {
 
     /// Whether any texel of the rectangle is open.
     #[inline(always)]
-    pub fn any<L: Lanes>(&self, lanes: L, rect: Rect) -> bool {
-        let _ = lanes;
+    pub fn any<L: Lanes>(&self, rect: Rect) -> bool {
         let (first, last) = (rect.left / 32, rect.right / 32);
         let (low, high) = (rect.low / WIDTH, rect.high / WIDTH);
         let across = span(first, last);
@@ -160,8 +158,7 @@ impl Mask {
     /// Closes, in each row `y` of the rectangle's bands, the texels from the largest `m y + k` of the edges that bound
     /// from the left to the smallest of the others, within the rectangle's columns.
     #[inline(always)]
-    pub fn close<L: Lanes>(&mut self, lanes: L, rect: Rect, edges: &[Edge; 3]) {
-        let _ = lanes;
+    pub fn close<L: Lanes>(&mut self, rect: Rect, edges: &[Edge; 3]) {
         let across = span(rect.left / 32, rect.right / 32);
         let (left, right) = (L::splat(rect.left as f32), L::splat(rect.right as f32));
         let (before, past) = (L::splat(rect.left as f32 - 1.0), L::splat(rect.right as f32 + 1.0));

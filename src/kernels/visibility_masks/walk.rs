@@ -43,14 +43,7 @@ struct Frame<L: Lanes> {
 
 /// Closes the texels of `mask` that occluders cover as seen from `eye`.
 #[inline(always)]
-pub fn walk<L: Lanes>(
-    lanes: L,
-    occluders: &Occluders,
-    eye: Vec3,
-    face: usize,
-    mask: &mut Mask,
-    stack: &mut Vec<Waiting>,
-) {
+pub fn walk<L: Lanes>(occluders: &Occluders, eye: Vec3, face: usize, mask: &mut Mask, stack: &mut Vec<Waiting>) {
     let (axis, sign) = cube::axis(face);
     let axes = [(axis + 1) % 3, (axis + 2) % 3, axis];
     let size = mask.size() as f32;
@@ -76,11 +69,11 @@ pub fn walk<L: Lanes>(
             draw_few(&frame, &occluders.blocks[(item.child & !BLOCK) as usize], rect, mask);
             continue;
         }
-        if !mask.any(lanes, Rect::unpack(item.columns, item.rows)) {
+        if !mask.any::<L>(Rect::unpack(item.columns, item.rows)) {
             continue;
         }
         if item.child & BLOCK != 0 {
-            draw(lanes, &frame, &occluders.blocks[(item.child & !BLOCK) as usize], mask);
+            draw(&frame, &occluders.blocks[(item.child & !BLOCK) as usize], mask);
         } else {
             enter(&frame, occluders, &occluders.branches[item.child as usize], stack);
         }
@@ -253,7 +246,7 @@ fn draw_few<L: Lanes>(frame: &Frame<L>, block: &Block, rect: Rect, mask: &mut Ma
 
 /// Draws the triangles of a block.
 #[inline(always)]
-fn draw<L: Lanes>(lanes: L, frame: &Frame<L>, block: &Block, mask: &mut Mask) {
+fn draw<L: Lanes>(frame: &Frame<L>, block: &Block, mask: &mut Mask) {
     let points = [frame.point(block, 0), frame.point(block, 1), frame.point(block, 2)];
     let (near, far) = (least::<L>(&points, 2), most::<L>(&points, 2));
     let front = L::less(L::splat(0.0), far);
@@ -275,7 +268,7 @@ fn draw<L: Lanes>(lanes: L, frame: &Frame<L>, block: &Block, mask: &mut Mask) {
     while some != 0 {
         let lane = some.trailing_zeros() as usize;
         some &= some - 1;
-        todo |= u32::from(mask.any(lanes, Rect::unpack(columns[lane], rows[lane]))) << lane;
+        todo |= u32::from(mask.any::<L>(Rect::unpack(columns[lane], rows[lane]))) << lane;
     }
     if todo == 0 {
         return;
@@ -287,7 +280,7 @@ fn draw<L: Lanes>(lanes: L, frame: &Frame<L>, block: &Block, mask: &mut Mask) {
         let lane = todo.trailing_zeros() as usize;
         todo &= todo - 1;
         let rect = Rect::unpack(columns[lane], rows[lane]);
-        mask.close(lanes, rect, &[sides.edge(0, lane), sides.edge(1, lane), sides.edge(2, lane)]);
+        mask.close::<L>(rect, &[sides.edge(0, lane), sides.edge(1, lane), sides.edge(2, lane)]);
     }
 }
 
