@@ -12,6 +12,7 @@ pub mod illumination_brush;
 pub mod indirect_shadow;
 pub mod integrate;
 pub mod light;
+pub mod localize_light;
 pub mod material;
 pub mod merge;
 pub mod paint;
@@ -58,6 +59,7 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<visibility::Visibility>(),
     NodeType::of::<transport::Transport>(),
     NodeType::of::<integrate::Integrate>(),
+    NodeType::of::<localize_light::LocalizeLight>(),
     NodeType::of::<read_image::ReadImage>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),
