@@ -1,5 +1,7 @@
 //! Visibility, tables of light and their products, held against sums over every texel, and against each other.
 
+#[path = "shadows/nodes.rs"]
+mod node_types;
 #[path = "shadows/plates.rs"]
 mod plates;
 #[path = "support/sky.rs"]

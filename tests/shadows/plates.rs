@@ -6,36 +6,16 @@ use super::sky::View;
 use super::support;
 use chiaro::image::cryptomatte::Cryptomatte;
 use chiaro::image::{Layer, compare, exr_read};
-use chiaro::scene::cube::{self, FACES};
-use chiaro::scene::{Environment, file};
+use chiaro::scene::cube::FACES;
+use chiaro::scene::{Environment, LatLong, file};
 use chiaro::transport::shadow::Basis;
-use glam::Vec3;
 use std::path::Path;
 use std::time::Instant;
 
 fn environment(path: &Path, size: usize) -> Environment {
     let map = image::open(path).unwrap().to_rgb32f();
-    let (width, height) = map.dimensions();
-    let mut radiance = vec![[0.0; 4]; FACES * size * size];
-    let parts = 8;
-    for (i, texel) in radiance.iter_mut().enumerate() {
-        let (face, y, x) = (i / (size * size), i / size % size, i % size);
-        let mut sum = [0.0f64; 4];
-        for part in 0..parts * parts {
-            let at = |i: usize, part: usize| 2.0 * (i as f32 + (part as f32 + 0.5) / parts as f32) / size as f32 - 1.0;
-            let point = cube::point(face, at(x, part % parts), at(y, part / parts));
-            let weight = f64::from(point.length().powi(-3));
-            let w: Vec3 = point.normalize();
-            let u = 0.5 + w.z.atan2(w.x) / std::f32::consts::TAU;
-            let v = w.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
-            let pixel =
-                map.get_pixel(((u * width as f32) as u32).min(width - 1), ((v * height as f32) as u32).min(height - 1));
-            (0..3).for_each(|c| sum[c] += weight * f64::from(pixel[c]));
-            sum[3] += weight;
-        }
-        *texel = std::array::from_fn(|c| (sum[c] / sum[3]) as f32);
-    }
-    Environment::new(size, radiance).unwrap()
+    let pixels = map.pixels().map(|pixel| pixel.0).collect();
+    LatLong::new(map.width() as usize, map.height() as usize, pixels).unwrap().cube(size, 0.0, 1.0).unwrap()
 }
 
 fn radiance(plate: &Path, pass: &str) -> Layer {
@@ -54,9 +34,12 @@ fn the_plaza_at_night_is_as_a_path_tracer_has_it() {
     let view = View::new(&scene, (640, 480), 1, environment(map, 128));
     let whole = Cryptomatte::read(plate, "CryptoObject").unwrap().whole(0.99);
     let reference = radiance(plate, "Diffuse Direct");
+    let start = Instant::now();
+    let runs = view.bake(Basis::Runs, &[]);
+    println!("drawn in {:.1?}", start.elapsed());
     for (basis, asked) in [(Basis::Runs, 0.015), (Basis::Haar2d, 0.03), (Basis::Haar1d, f64::INFINITY)] {
         let start = Instant::now();
-        let visibility = view.bake(basis, &[]);
+        let visibility = if basis == Basis::Runs { runs.clone() } else { view.encode(&runs, basis) };
         let baked = start.elapsed();
         let entries: usize = visibility.groups[0]
             .faces
@@ -74,7 +57,7 @@ fn the_plaza_at_night_is_as_a_path_tracer_has_it() {
         let direct = layers.iter().find(|layer| layer.name == "direct").unwrap();
         let error = compare::blocks(direct, &reference, 640, &whole, 4).unwrap()[0].relative_rmse;
         println!(
-            "{basis:?}: {:.2} %; baked in {baked:.1?}, {} MB, {:.1} entries a row; integrated in {first:.1?}, then {again:.1?}",
+            "{basis:?}: {:.2} %; encoded in {baked:.1?}, {} MB, {:.1} entries a row; integrated in {first:.1?}, then {again:.1?}",
             100.0 * error,
             visibility.bytes() / 1_000_000,
             entries as f64 / (FACES * view.samples.points.len()) as f64,

@@ -6,14 +6,17 @@ use chiaro::kernels::visibility_masks;
 use chiaro::memo::{Key, Memo};
 use chiaro::progress::Progress;
 use chiaro::scene::cube::{self, FACES};
-use chiaro::scene::{Environment, Geometry, Occluders, Scene};
+use chiaro::scene::{Environment, Geometry, Occluders, Scene, SurfacePoint};
 use chiaro::transport::Samples;
 use chiaro::transport::samples::reflectance;
 use chiaro::transport::shadow::bake::{self, Settings};
 use chiaro::transport::shadow::haar::Truncation;
 use chiaro::transport::shadow::integrate::Stage;
+use chiaro::transport::shadow::visibility::Scratch;
 use chiaro::transport::shadow::{Basis, DirectTransport, Group, Visibility};
+use rayon::prelude::*;
 use std::any::Any;
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
@@ -81,6 +84,27 @@ impl View {
         let groups = groups.collect::<Result<_>>()?;
         let (samples, truncation) = (self.samples.clone(), self.truncation);
         Ok(Visibility { samples, size, basis, truncation, groups, edits: Vec::new() })
+    }
+
+    /// Rows of one group in another basis, from those in runs: without drawing again.
+    pub fn encode(&self, runs: &Visibility, basis: Basis) -> Visibility {
+        let size = runs.size;
+        let mut groups = runs.groups.clone();
+        for (face, rows) in groups[0].faces.iter_mut().enumerate().filter(|(_, rows)| rows.is_some()) {
+            let first = Cell::new(0);
+            let draw = |points: &[SurfacePoint], face, size: usize, _: Option<&[u32]>| {
+                let start = first.replace(first.get() + points.len());
+                let mut masks = vec![0; points.len() * size * size / 32];
+                masks.par_chunks_mut(size * size / 32).enumerate().for_each(|(i, mask)| {
+                    runs.open(start + i, face, &mut Scratch::default(), mask);
+                });
+                Ok(masks)
+            };
+            let settings = Settings { face, size, basis, truncation: self.truncation };
+            let stage = Progress::silent().stage("", 0);
+            *rows = Some(Arc::new(bake::face(&draw, &self.samples.points, &settings, None, &stage).unwrap()));
+        }
+        Visibility { basis, truncation: self.truncation, groups, ..runs.clone() }
     }
 
     pub fn stage<'a>(&'a self, visibility: &'a Visibility) -> Stage<'a> {

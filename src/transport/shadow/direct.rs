@@ -27,8 +27,12 @@ impl DirectTransport {
 /// What surfaces at points emit; empty when none of the materials there emits anything.
 pub fn emission(materials: &[Material], points: &[SurfacePoint]) -> Vec<[f32; 4]> {
     let of = |point: &SurfacePoint| materials.get(point.material as usize).map_or([0.0; 3], |found| found.emission);
+    let with_alpha = |point: &SurfacePoint| {
+        let [r, g, b] = of(point);
+        [r, g, b, 0.0]
+    };
     match points.iter().any(|point| of(point) != [0.0; 3]) {
-        true => points.iter().map(|point| of(point)).map(|[r, g, b]| [r, g, b, 0.0]).collect(),
+        true => points.iter().map(with_alpha).collect(),
         false => Vec::new(),
     }
 }
