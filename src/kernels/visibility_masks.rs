@@ -54,7 +54,7 @@ pub const KERNEL: Kernel = Kernel {
 
 /// Rows of one dispatch at most: a fraction of a second on a software driver, milliseconds on hardware.
 #[cfg(feature = "gpu")]
-const ROWS: usize = 1 << 16;
+const ROWS: usize = 1 << 15;
 
 /// Points that a thread takes at a time.
 const RUN: usize = 32;

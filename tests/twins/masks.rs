@@ -29,7 +29,8 @@ pub fn masks(devices: &Devices) -> Outcome {
                 visibility_masks(device, occluders, &points, face, size, wanted).map_err(|error| error.to_string())
             };
             let cpu = run(&Device::Cpu)?;
-            if face != 3 && cpu.iter().all(|&word| word == 0) {
+            // Of what is seen, nothing faces away from the camera: two faces may be closed.
+            if ![3, 5].contains(&face) && cpu.iter().all(|&word| word == 0) {
                 return Err(format!("{name}, face {face}: nothing is open, so nothing was compared"));
             }
             for device in [&devices.gpu, &devices.paged] {
