@@ -25,8 +25,9 @@ impl LatLong {
             return Err(Error::compute(message, "give the whole sphere, both poles included"));
         }
         let mut faults = Vec::new();
-        let kinds: [(&str, fn(f32) -> bool); 3] =
-            [("NaN", f32::is_nan), ("infinite", f32::is_infinite), ("negative", |x| x < 0.0 && x.is_finite())];
+        type Is = fn(f32) -> bool;
+        let negative: Is = |x| x < 0.0 && x.is_finite();
+        let kinds: [(&str, Is); 3] = [("NaN", f32::is_nan), ("infinite", f32::is_infinite), ("negative", negative)];
         for (name, is) in kinds {
             let bad = |pixel: &[f32; 3]| pixel.iter().any(|x| is(*x));
             if let Some(first) = radiance.iter().position(bad) {
