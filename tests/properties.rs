@@ -41,6 +41,9 @@ fn source(kind: Kind) -> &'static str {
         Kind::Selection => "block",
         Kind::Edits => "change",
         Kind::Image => "lit",
+        Kind::Environment | Kind::Visibility | Kind::Transport | Kind::Light | Kind::Ratio => {
+            panic!("no node gives {kind:?} here")
+        }
     }
 }
 
