@@ -42,7 +42,10 @@ fn source(kind: Kind) -> &'static str {
         Kind::Edits => "change",
         Kind::Image => "lit",
         Kind::Ratio => "shade",
-        Kind::Environment | Kind::Visibility | Kind::Transport | Kind::Light => panic!("no node gives {kind:?} here"),
+        Kind::Environment => "sky",
+        Kind::Visibility => "seen",
+        Kind::Transport => "shine",
+        Kind::Light => panic!("no node gives {kind:?} here"),
     }
 }
 
@@ -50,6 +53,7 @@ fn source(kind: Kind) -> &'static str {
 fn a_node_that_changes_nothing_is_its_input() {
     // Parameters with which node types pass an input through; those that do by default must be here.
     let passing: BTreeMap<&str, Json> = BTreeMap::from([
+        ("blur_shadow", json!({})),
         ("caster_receiver", json!({})),
         ("directionality", json!({})),
         ("falloff", json!({})),
@@ -63,7 +67,12 @@ fn a_node_that_changes_nothing_is_its_input() {
         ("ratio_lattice", json!({})),
         ("ratio_pattern", json!({ "strength": 0.0 })),
         ("ratio_transform", json!({})),
+        ("remove_shadow", json!({ "amount": 0.0 })),
+        ("rotate_shadow", json!({})),
+        ("shadow_gradient", json!({ "amount": 0.0 })),
         ("source_brush", json!({})),
+        ("tint_shadow", json!({})),
+        ("translate_shadow", json!({})),
         ("tone_map", json!({ "operator": "none" })),
     ]);
     for node_type in nodes::ALL {
@@ -85,6 +94,12 @@ fn a_node_that_changes_nothing_is_its_input() {
             "block": pick(&["block"]),
             "change": edit(json!({ "brightness": 2.0 }), json!({ "caster": "block" })),
             "lit": relight(None),
+            "sky": { "type": "environment", "params": { "face_size": 32 } },
+            "seen": {
+                "type": "visibility", "params": { "face_size": 32 },
+                "inputs": { "scene": "room", "samples": "view", "environment": "sky" },
+            },
+            "shine": { "type": "transport", "inputs": { "scene": "room", "samples": "view", "environment": "sky" } },
             "shade": { "type": "visibility_ratio", "inputs": { "original": "lit", "removed": "lit" } },
             "same": { "type": name, "params": params, "inputs": inputs },
         }));
@@ -96,6 +111,7 @@ fn a_node_that_changes_nothing_is_its_input() {
             (Value::Image(a), Value::Image(b)) => std::sync::Arc::ptr_eq(a, b),
             (Value::Edits(a), Value::Edits(b)) => std::sync::Arc::ptr_eq(a, b),
             (Value::Scene(a), Value::Scene(b)) => std::sync::Arc::ptr_eq(a, b),
+            (Value::Visibility(a), Value::Visibility(b)) => std::sync::Arc::ptr_eq(a, b),
             (Value::Ratio(a), Value::Ratio(b)) => std::sync::Arc::ptr_eq(a, b),
             _ => panic!("{name} passes what this test does not compare"),
         };

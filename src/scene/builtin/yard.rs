@@ -8,7 +8,7 @@ const STEPS: usize = 4;
 const BARS: usize = 9;
 
 /// A paved yard: stairs at the back on the left with a railing in front of them (`bar0` to `bar8`, `handrail`), five
-/// rings that hang in one another (`ring0` to `ring4`) on a plinth, a dome behind the rings, and a figure (`body`, `head`).
+/// rings that hang in one another (`ring0` to `ring4`) on a plinth, a dome in front of the rings, and a figure (`body`, `head`).
 /// No lights: lit by an environment. Cameras: `main`, `rings` and `stairs`.
 pub fn yard() -> Scene {
     let mut yard = Builder::default();
@@ -42,7 +42,7 @@ pub fn yard() -> Scene {
         let axis = v(if below { 0.14 } else { -0.14 }, if below { 0.1 } else { -0.1 }, 1.0).normalize();
         yard.ring(&format!("ring{ring}"), material, centre, axis, 0.46, 0.055);
     }
-    yard.ball("dome", lime, v(0.45, -0.25, -2.6), 1.15);
+    yard.ball("dome", lime, v(2.75, -0.35, 1.2), 1.1);
 
     let p = Vec2::new;
     let body =
@@ -51,9 +51,9 @@ pub fn yard() -> Scene {
     yard.ball("head", clay, v(-0.75, 1.2, 0.6), 0.21);
 
     let cameras = vec![
-        Camera::look_at("main", v(-1.6, 3.6, 7.4), v(-0.35, 0.35, -1.2), 34f32.to_radians()),
-        Camera::look_at("rings", v(0.2, 2.5, 3.6), v(0.95, 0.55, -1.3), 36f32.to_radians()),
-        Camera::look_at("stairs", v(-2.6, 2.6, 2.9), v(-2.9, 0.4, -2.4), 38f32.to_radians()),
+        Camera::look_at("main", v(-0.7, 4.7, 8.2), v(-0.2, 0.1, 0.1), 38f32.to_radians()),
+        Camera::look_at("rings", v(1.6, 3.3, 5.6), v(2.0, 0.4, 0.4), 36f32.to_radians()),
+        Camera::look_at("stairs", v(-2.2, 2.9, 4.2), v(-2.6, 0.2, -1.4), 40f32.to_radians()),
     ];
     yard.finish(Vec::new(), cameras)
 }
