@@ -76,6 +76,32 @@ impl Filter {
         self.slots.len()
     }
 
+    /// The filter for samples whose slots are 0 but for `kept` (ascending), and the slots that may come out of it other
+    /// than 0, ascending. Both are followed by one slot that is always 0.
+    pub fn narrowed(&self, kept: &[u32]) -> (Self, Vec<u32>) {
+        const NOWHERE: u32 = u32::MAX;
+        let mut place = vec![NOWHERE; self.inputs];
+        (0..).zip(kept).for_each(|(new, &slot)| place[slot as usize] = new);
+        let zero = kept.len() as u32;
+        let (mut offsets, mut taps, mut slots, mut out) = (vec![0], Vec::new(), Vec::new(), Vec::new());
+        for (t, slot) in self.slots.iter().enumerate() {
+            let first = taps.len();
+            let own = &self.taps[self.offsets[t] as usize..self.offsets[t + 1] as usize];
+            let found = own.iter().map(|tap| Tap { source: place[tap.source as usize], weight: tap.weight });
+            taps.extend(found.filter(|tap| tap.source != NOWHERE));
+            let carry = place[slot.carry as usize];
+            if carry != NOWHERE || taps.len() > first {
+                slots.push(Slot { carry: carry.min(zero), ..*slot });
+                offsets.push(taps.len() as u32);
+                out.push(t as u32);
+            }
+        }
+        slots.push(Slot { carry: zero, always: 0.0, mix: 0.0 });
+        offsets.push(taps.len() as u32);
+        let inputs = kept.len() + 1;
+        (Self { inputs, offsets: offsets.into(), taps: taps.into(), slots: slots.into() }, out)
+    }
+
     pub fn bytes(&self) -> u64 {
         (4 * self.offsets.len() + 8 * self.taps.len() + 12 * self.slots.len()) as u64
     }
@@ -175,6 +201,21 @@ mod tests {
         let out = shadow_filter(&Device::Cpu, &filter(), &[1.0, 0.0], &shadows).unwrap();
         // First sample: a mean, half of a fade, a move; second: the amount is 0, but `always` moves.
         assert_eq!(out, [0.5, 0.5, 1.0, 0.25, 0.5, 0.5]);
+    }
+
+    #[test]
+    fn narrowed_filters_give_the_same_where_anything_is() {
+        let (narrow, out) = filter().narrowed(&[2]);
+        // The second slot carries, and sums, what is 0.
+        assert_eq!(out, [0]);
+        let wide = shadow_filter(&Device::Cpu, &filter(), &[0.7], &[0.0, 0.0, 0.8]).unwrap();
+        let found = shadow_filter(&Device::Cpu, &narrow, &[0.7], &[0.8, 0.0]).unwrap();
+        assert_eq!(found, [wide[0], 0.0]);
+        assert_eq!(wide[1..], [0.0, 0.0]);
+        let (all, out) = filter().narrowed(&[0, 1, 2]);
+        assert_eq!(out, [0, 1, 2]);
+        let wide = shadow_filter(&Device::Cpu, &filter(), &[0.7], &[0.3, 0.1, 0.8]).unwrap();
+        assert_eq!(shadow_filter(&Device::Cpu, &all, &[0.7], &[0.3, 0.1, 0.8, 0.0]).unwrap()[..3], wide);
     }
 
     #[test]

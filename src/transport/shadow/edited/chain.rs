@@ -47,11 +47,6 @@ impl Chain {
         chain
     }
 
-    /// Slots of a sample at most, before or after any step.
-    pub fn widest(&self) -> usize {
-        self.steps.iter().map(|step| step.filter.inputs.max(step.filter.outputs())).fold(self.inputs.len(), usize::max)
-    }
-
     pub fn bytes(&self) -> u64 {
         4 * self.inputs.len() as u64 + self.steps.iter().map(|step| step.filter.bytes()).sum::<u64>()
     }
