@@ -145,19 +145,6 @@ fn resolve(samples: &Samples, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4>
         .collect()
 }
 
-/// Adds `count` elements of vectors of light up, in order.
-pub fn sum(count: usize, vectors: &[&[[f32; 4]]]) -> Vec<[f32; 4]> {
-    let mut total = vec![[0.0; 4]; count];
-    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| {
-        for vector in vectors {
-            for (sum, more) in total.iter_mut().zip(&vector[tile * TILE..]) {
-                *sum = (Vec4::from_array(*sum) + Vec4::from_array(*more)).to_array();
-            }
-        }
-    });
-    total
-}
-
 fn rgb(value: [f32; 4]) -> Vec3 {
     Vec4::from_array(value).truncate()
 }
