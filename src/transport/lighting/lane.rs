@@ -3,17 +3,17 @@
 
 use super::positions::Positions;
 use super::shares::Shares;
+use super::sums::Given;
 use super::{Stage, VEC4};
-use crate::Result;
 use crate::device::Array;
-use crate::kernels::{average_pyramid, entry_ways, interpolate};
+use crate::kernels::{average_pyramid, entry_ways};
 use crate::memo::Key;
-use crate::memory;
 use crate::transport::SparseRows;
 use crate::transport::glossy::GlossyTransfer;
 use crate::transport::hidden::Hidden;
 use crate::transport::sparse::EntryFormat;
 use crate::transport::transfer::Basis;
+use crate::{Error, Result, memory};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -117,6 +117,11 @@ impl CutOut {
                 None => ((0..lane.rows.rows() as u32).collect(), lane.indices.clone(), lane.weights.clone()),
                 Some(positions) => compact(lane, positions),
             };
+            let largest = indices.par_iter().flatten().max();
+            if let Some(index) = largest.filter(|&&index| index as usize >= lane_rows.len().max(1)) {
+                let message = format!("samples lie between {} rows, one of them number {index}", lane_rows.len());
+                return Err(Error::compute(message, "the transfer is damaged: clear the cache"));
+            }
             let rows = select(lane.rows, &lane_rows, columns(stage, senders).as_deref())?;
             Ok(Self { rows, lane_rows, indices, weights, key })
         })
@@ -176,8 +181,8 @@ impl CutOut {
     }
 
     /// Light at the samples from light at the rows.
-    pub fn interpolate(&self, stage: &Stage, light: &[[f32; 4]]) -> Result<Vec<[f32; 4]>> {
-        interpolate(stage.device, &self.indices, &self.weights, light, 1)
+    pub fn between<'a>(&'a self, rows: &'a [[f32; 4]]) -> Given<'a> {
+        Given::Between { rows, indices: &self.indices, weights: &self.weights }
     }
 }
 

@@ -10,7 +10,7 @@ use super::path_edits::{factors, list_key, unhidden};
 use super::positions::Positions;
 use super::receivers::Receivers;
 use super::shares::{Beam, Shares};
-use super::sums::{At, add_all, add_at};
+use super::sums::{At, sum_at};
 use super::{Leaving, Stage, VEC4};
 use crate::kernels::{path_product, sparse_product};
 use crate::memo::Key;
@@ -55,94 +55,70 @@ impl<'a> Paths<'a> {
 
     /// What arrives at `positions` of the lane (`None`: all of it) through path edits; one element a position.
     pub fn light(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Light> {
-        let parts = || self.beams.iter().map(|beam| self.of(beam, edits, positions));
-        if self.beams.len() == 1 {
-            return parts().next().expect("there is one");
-        }
-        let beams: Vec<[u8; 16]> = self.beams.iter().map(|beam| beam.key.0).collect();
-        let key = self.key(b"sum", [beams.as_flattened(), &list_key(edits).0, &Positions::name(positions)]);
-        self.stage.memo.remember(key, bytes, || {
-            let parts: Vec<Light> = parts().collect::<Result<_>>()?;
-            let mut total = vec![[0.0; 4]; self.count(positions)];
-            add_all(&mut total, &parts.iter().map(|part| &part[..]).collect::<Vec<_>>());
-            Ok(total)
-        })
+        let Some(sampled) = self.sampled else { return self.unsampled(edits, positions) };
+        let name = [&b"sampled"[..], &sampled.digest()].concat();
+        let key = self.key(&name, &self.beams, edits, positions);
+        self.stage.memo.remember(key, bytes, || self.through(sampled, edits, positions))
     }
 
-    fn count(&self, positions: Option<&Positions>) -> usize {
-        positions.map_or(self.lane.count(), |positions| positions.len())
-    }
-
-    fn key(&self, name: &[u8], [beams, edits, positions]: [&[u8]; 3]) -> Key {
-        let sampled = self.sampled.map_or([0; 16], |sampled| sampled.digest());
-        Key::of(&[name, &self.lane.key.0, &sampled, beams, edits, positions])
-    }
-
-    /// The same of one beam.
-    fn of(&self, beam: &Beam, edits: &[&Transit], positions: Option<&Positions>) -> Result<Light> {
-        let named = |name: &[u8], edits: &[&Transit], positions: Option<&Positions>| {
-            self.key(name, [&beam.key.0, &list_key(edits).0, &Positions::name(positions)])
-        };
+    fn unsampled(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Light> {
         let memo = self.stage.memo;
-        memo.remember(named(b"light", edits, positions), bytes, || {
+        memo.remember(self.key(b"light", &self.beams, edits, positions), bytes, || {
             let receivers = Receivers::new(edits)?;
-            if receivers.are_none() {
-                return self.branch(beam, edits, positions);
-            }
-            let count = self.count(positions);
+            let count = positions.map_or(self.lane.count(), |positions| positions.len());
             let branches = receivers.branches(self.stage, self.lane, edits, positions)?;
-            if let [branch] = &branches[..]
-                && branch.weights.is_none()
-            {
-                return self.branch(beam, &receivers.edits_of(edits, branch), positions);
+            let mut arriving = Vec::new();
+            for beam in &self.beams {
+                for branch in branches.iter() {
+                    let edits = receivers.edits_of(edits, branch);
+                    let positions = branch.within.as_ref().map_or(positions, |within| Some(&within.positions));
+                    let cut = CutOut::new(self.stage, self.lane, positions, beam.columns.as_deref())?;
+                    // Kept by itself: the slider of an edit does not change the branches that go without it.
+                    let key = self.key(b"rows", std::slice::from_ref(beam), &edits, positions);
+                    let rows = memo.remember(key, bytes, || self.rows(beam, &cut, &edits, positions))?;
+                    arriving.push((branch, cut, rows));
+                }
             }
-            let mut arriving = Vec::with_capacity(branches.len());
-            for branch in branches.iter() {
-                let (edits, positions) = (receivers.edits_of(edits, branch), Some(&branch.positions));
-                // Kept by itself: the slider of an edit does not change the branches that go without it.
-                let key = named(b"branch", &edits, positions);
-                arriving.push(memo.remember(key, bytes, || self.branch(beam, &edits, positions))?);
-            }
-            let at = branches.iter().zip(&arriving).map(|(branch, light)| At {
-                places: Some(&branch.places),
+            let at = arriving.iter().map(|(branch, cut, rows)| At {
+                places: branch.within.as_ref().map(|within| &within.places[..]),
                 weights: branch.weights.as_deref(),
-                light,
+                light: cut.between(rows),
             });
-            let mut total = vec![[0.0; 4]; count];
-            add_at(&mut total, &at.collect::<Vec<_>>());
-            Ok(total)
+            Ok(sum_at(count, &at.collect::<Vec<_>>()))
         })
     }
 
-    /// The same where every edit of the list acts in full.
-    fn branch(&self, beam: &Beam, edits: &[&Transit], positions: Option<&Positions>) -> Result<Vec<[f32; 4]>> {
-        let Self { stage, lane, sampled, .. } = self;
-        if let Some(sampled) = sampled {
-            return self.through(beam, sampled, edits, positions);
-        }
-        let cut = CutOut::new(stage, lane, positions, beam.columns.as_deref())?;
+    fn key(&self, name: &[u8], beams: &[Beam], edits: &[&Transit], positions: Option<&Positions>) -> Key {
+        let beams: Vec<[u8; 16]> = beams.iter().map(|beam| beam.key.0).collect();
+        Key::of(&[name, &self.lane.key.0, beams.as_flattened(), &list_key(edits).0, &Positions::name(positions)])
+    }
+
+    /// What arrives at the rows of a cut-out, which is of these positions and this beam, where every edit of the list
+    /// acts in full.
+    fn rows(
+        &self,
+        beam: &Beam,
+        cut: &CutOut,
+        edits: &[&Transit],
+        positions: Option<&Positions>,
+    ) -> Result<Vec<[f32; 4]>> {
+        let Self { stage, lane, .. } = self;
         let encoded = beam.encoded(stage)?;
         let factors = factors(stage, edits)?;
-        let mut rows = self.product(&cut, &cut.rows, b"seen", factors.as_deref(), &encoded)?;
+        let mut rows = self.product(cut, &cut.rows, b"seen", factors.as_deref(), encoded)?;
         let amount = unhidden(edits);
         if amount > 0.0 && lane.sees_through {
             let hidden = cut.hidden(stage, beam.columns.as_deref(), || self.hidden(beam, positions))?;
-            let more = self.product(&cut, &hidden, b"hidden", factors.as_deref(), &encoded)?;
+            let more = self.product(cut, &hidden, b"hidden", factors.as_deref(), encoded)?;
             rows.iter_mut().zip(more).for_each(|(sum, more)| {
                 *sum = (Vec4::from_array(*sum) + Vec4::from_array(more) * amount).to_array();
             });
         }
-        cut.interpolate(stage, &rows)
+        Ok(rows)
     }
 
     /// By way of sampled edits.
-    fn through(
-        &self,
-        beam: &Beam,
-        sampled: &Sampled,
-        edits: &[&Transit],
-        positions: Option<&Positions>,
-    ) -> Result<Vec<[f32; 4]>> {
+    fn through(&self, sampled: &Sampled, edits: &[&Transit], positions: Option<&Positions>) -> Result<Vec<[f32; 4]>> {
         let Stage { device, transfer, .. } = *self.stage;
         if !edits.is_empty() {
             let message = "falloff, indirect_shadow and directionality do not act on sampled edits";
@@ -151,8 +127,9 @@ impl<'a> Paths<'a> {
                 "put them before scale_offset, so that they are sampled with the others",
             ));
         }
+        let [beam] = &self.beams[..] else { unreachable!("light that meets sampled edits is in one part") };
         let light = beam.light();
-        let whole = Paths { sampled: None, beams: Vec::new(), ..*self }.of(beam, &[], None)?.to_vec();
+        let whole = self.unsampled(&[], None)?.to_vec();
         let (slots, added) = match self.lane.samples {
             None => (Slots::diffuse(sampled, transfer), sampled.offsets.as_ref()),
             Some(samples) => {

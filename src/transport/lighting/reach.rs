@@ -2,6 +2,7 @@
 
 use super::lane::Lane;
 use super::positions::{Positions, TILE, at_positions, gathered};
+use super::sums::{At, Given};
 use super::{Stage, VEC4};
 use crate::Result;
 use crate::device::Array;
@@ -106,6 +107,11 @@ impl Reach {
 }
 
 impl Where {
+    /// Light, one element a place.
+    pub fn light<'a>(&'a self, light: &'a [[f32; 4]]) -> At<'a> {
+        At { places: self.places.as_deref(), weights: None, light: Given::Each(light) }
+    }
+
     fn bytes(&self) -> u64 {
         let places = self.places.as_ref().map_or(0, Vec::len) as u64;
         4 * places + self.positions.as_ref().map_or(0, Positions::bytes)

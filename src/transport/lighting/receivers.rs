@@ -28,11 +28,17 @@ pub struct Receivers {
 pub struct Branch {
     /// Bit r: the edits of receiver r act.
     acts: u128,
-    /// Which of the positions asked for, and what these are in the lane.
-    pub places: Vec<u32>,
-    pub positions: Positions,
+    /// `None`: all positions asked for.
+    pub within: Option<Within>,
     /// How much of the light there takes it; `None`: all.
     pub weights: Option<Vec<f32>>,
+}
+
+/// Some of the positions asked for.
+pub struct Within {
+    pub places: Vec<u32>,
+    /// What these are in the lane.
+    pub positions: Positions,
 }
 
 impl Receivers {
@@ -57,11 +63,6 @@ impl Receivers {
         Ok(all)
     }
 
-    /// The edits act everywhere.
-    pub fn are_none(&self) -> bool {
-        self.digests.is_empty()
-    }
-
     /// The edits that act in a branch.
     pub fn edits_of<'e>(&self, edits: &[&'e Transit], branch: &Branch) -> Vec<&'e Transit> {
         let acts = |receiver: &Option<usize>| receiver.is_none_or(|r| branch.acts >> r & 1 == 1);
@@ -80,6 +81,9 @@ impl Receivers {
         edits: &[&Transit],
         positions: Option<&Positions>,
     ) -> Result<Arc<Vec<Branch>>> {
+        if self.digests.is_empty() {
+            return Ok(Arc::new(vec![Branch { acts: 0, within: None, weights: None }]));
+        }
         let name = Positions::name(positions);
         let key = Key::of(&[b"branches", &lane.key.0, &name, self.digests.as_flattened()]);
         let bytes = |branches: &Vec<Branch>| branches.iter().map(Branch::bytes).sum();
@@ -100,13 +104,16 @@ impl Receivers {
                 all_places.extend(places);
                 all_weights.extend(weights);
             }
-            let branch = |(acts, (places, weights)): (u128, (Vec<u32>, Vec<f32>))| Branch {
-                acts,
-                positions: Positions::new(match positions {
+            let within = |places: Vec<u32>| {
+                let numbers = match positions {
                     Some(positions) => gathered(&places, |place| positions[place as usize]),
                     None => places.clone(),
-                }),
-                places,
+                };
+                Within { places, positions: Positions::new(numbers) }
+            };
+            let branch = |(acts, (places, weights)): (u128, (Vec<u32>, Vec<f32>))| Branch {
+                acts,
+                within: (places.len() < count).then(|| within(places)),
                 weights: Some(weights).filter(|weights| weights.iter().any(|&weight| weight != 1.0)),
             };
             Ok(all.into_iter().map(branch).collect())
@@ -116,7 +123,8 @@ impl Receivers {
 
 impl Branch {
     fn bytes(&self) -> u64 {
-        self.positions.bytes() + 4 * (self.places.len() + self.weights.as_ref().map_or(0, Vec::len)) as u64
+        let weights = self.weights.as_ref().map_or(0, Vec::len) as u64;
+        4 * weights + self.within.as_ref().map_or(0, |within| 2 * within.positions.bytes())
     }
 }
 

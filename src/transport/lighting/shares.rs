@@ -1,14 +1,14 @@
 //! Light of some gather samples: shares of what each sends, with a name, and one such part on its way (`Beam`).
 
+use super::Stage;
 use super::leaving::{Leaving, Part};
 use super::positions::TILE;
-use super::{Stage, VEC4};
 use crate::Result;
 use crate::memo::Key;
 use glam::Vec4;
 use rayon::prelude::*;
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Share of each gather sample's light, in [0, 1].
 pub struct Shares {
@@ -49,6 +49,7 @@ pub struct Beam<'a> {
     pub columns: Option<Arc<Shares>>,
     /// Names the light.
     pub key: Key,
+    encoded: OnceLock<Vec<[f32; 4]>>,
 }
 
 impl<'a> Beam<'a> {
@@ -59,7 +60,14 @@ impl<'a> Beam<'a> {
             let name = shares.as_ref().map_or([0; 16], |shares| shares.key.0);
             let columns = if part.is_narrow { shares.clone() } else { caster.cloned() };
             let key = Key::of(&[b"beam", &part.key.0, &name]);
-            Ok(Self { exitance: &leaving.exitance, shares, caster: caster.cloned(), columns, key })
+            Ok(Self {
+                exitance: &leaving.exitance,
+                shares,
+                caster: caster.cloned(),
+                columns,
+                key,
+                encoded: OnceLock::new(),
+            })
         };
         let beams: Vec<Self> = leaving.parts.iter().map(beam).collect::<Result<_>>()?;
         Ok(beams.into_iter().filter(|beam| beam.shares.as_ref().is_none_or(|shares| !shares.are_none)).collect())
@@ -77,9 +85,11 @@ impl<'a> Beam<'a> {
     }
 
     /// In the basis of the transfer's rows.
-    pub fn encoded(&self, stage: &Stage) -> Result<Arc<Vec<[f32; 4]>>> {
-        let key = Key::of(&[b"encoded", &stage.place.0, &self.key.0]);
-        let bytes = |light: &Vec<[f32; 4]>| VEC4 * light.len() as u64;
-        stage.memo.remember(key, bytes, || stage.transfer.encode(stage.device, &self.light(), 1))
+    pub fn encoded(&self, stage: &Stage) -> Result<&[[f32; 4]]> {
+        if let Some(encoded) = self.encoded.get() {
+            return Ok(encoded);
+        }
+        let encoded = stage.transfer.encode(stage.device, &self.light(), 1)?;
+        Ok(self.encoded.get_or_init(|| encoded))
     }
 }

@@ -6,51 +6,70 @@ use rayon::prelude::*;
 
 /// Adds `count` elements of vectors of light up, in order.
 pub fn sum(count: usize, vectors: &[&[[f32; 4]]]) -> Vec<[f32; 4]> {
-    let mut total = vec![[0.0; 4]; count];
-    add_all(&mut total, vectors);
-    total
+    let parts: Vec<At> = vectors.iter().map(|vector| At::everywhere(vector)).collect();
+    sum_at(count, &parts)
 }
 
-/// Adds vectors of as many elements to a sum, in order.
-pub fn add_all(total: &mut [[f32; 4]], vectors: &[&[[f32; 4]]]) {
-    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| {
-        for vector in vectors {
-            for (sum, more) in total.iter_mut().zip(&vector[tile * TILE..]) {
-                *sum = (Vec4::from_array(*sum) + Vec4::from_array(*more)).to_array();
-            }
-        }
-    });
-}
-
-/// Light at some places, one element each.
+/// Light at some places.
 pub struct At<'a> {
     /// Ascending; `None`: everywhere.
     pub places: Option<&'a [u32]>,
-    /// What counts of it; `None`: all.
+    /// What counts of it, one a place; `None`: all.
     pub weights: Option<&'a [f32]>,
-    pub light: &'a [[f32; 4]],
+    pub light: Given<'a>,
 }
 
-impl At<'_> {
-    /// What lies in `start..end`: places counted from `start`, and light.
-    fn within(&self, start: usize, end: usize) -> impl Iterator<Item = (usize, Vec4)> {
+#[derive(Clone, Copy)]
+pub enum Given<'a> {
+    /// One element a place.
+    Each(&'a [[f32; 4]]),
+    /// Rows, and per place four of them and their weights: `kernels::interpolate`, without a vector in between.
+    Between { rows: &'a [[f32; 4]], indices: &'a [[u32; 4]], weights: &'a [[f32; 4]] },
+}
+
+impl<'a> At<'a> {
+    pub fn everywhere(light: &'a [[f32; 4]]) -> Self {
+        Self { places: None, weights: None, light: Given::Each(light) }
+    }
+
+    /// Hands out what lies in `start..end`: places counted from `start`, and light.
+    fn within(&self, start: usize, end: usize, mut take: impl FnMut(usize, Vec4)) {
         let at = |place: usize| self.places.map_or(place, |places| places.partition_point(|&p| (p as usize) < place));
-        (at(start)..at(end)).map(move |i| {
-            let light = Vec4::from_array(self.light[i]);
+        let mut each = |i: usize, light: Vec4| {
             let place = self.places.map_or(i, |places| places[i] as usize);
-            (place - start, self.weights.map_or(light, |weights| light * weights[i]))
-        })
+            take(place - start, self.weights.map_or(light, |weights| light * weights[i]));
+        };
+        let range = at(start)..at(end);
+        match self.light {
+            Given::Each(light) => range.for_each(|i| each(i, Vec4::from_array(light[i]))),
+            Given::Between { rows, indices, weights } => range.for_each(|i| {
+                let mut sum = Vec4::ZERO;
+                for (&row, &weight) in indices[i].iter().zip(&weights[i]) {
+                    if weight != 0.0 {
+                        sum += Vec4::from_array(rows[row as usize]) * weight;
+                    }
+                }
+                each(i, sum);
+            }),
+        }
     }
 }
 
-/// Adds light at some places to the sum at all, in order.
-pub fn add_at(total: &mut [[f32; 4]], parts: &[At]) {
-    change_at(total, parts, |sum, more| sum + more);
+/// `count` elements: the sum of light at some places, in order; 0 where there is none.
+pub fn sum_at(count: usize, parts: &[At]) -> Vec<[f32; 4]> {
+    let mut total = vec![[0.0; 4]; count];
+    change_at(&mut total, parts, |sum, more| sum + more);
+    total
 }
 
-/// Takes light at some places away from that at all, in order.
-pub fn take_at(total: &mut [[f32; 4]], parts: &[At]) {
-    change_at(total, parts, |sum, less| sum - less);
+/// All light without that at some places, in order.
+pub fn without(all: &[[f32; 4]], parts: &[At]) -> Vec<[f32; 4]> {
+    let mut left = vec![[0.0; 4]; all.len()];
+    left.par_chunks_mut(TILE).zip(all.par_chunks(TILE)).enumerate().for_each(|(tile, (left, all))| {
+        left.copy_from_slice(all);
+        change(left, tile, parts, &|left, less| left - less);
+    });
+    left
 }
 
 /// Puts light in the place of what was there.
@@ -58,12 +77,14 @@ pub fn put_at(total: &mut [[f32; 4]], part: At) {
     change_at(total, &[part], |_, light| light);
 }
 
-fn change_at(total: &mut [[f32; 4]], parts: &[At], change: impl Fn(Vec4, Vec4) -> Vec4 + Sync) {
-    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| {
-        for part in parts {
-            for (place, light) in part.within(tile * TILE, tile * TILE + total.len()) {
-                total[place] = change(Vec4::from_array(total[place]), light).to_array();
-            }
-        }
-    });
+fn change_at(total: &mut [[f32; 4]], parts: &[At], with: impl Fn(Vec4, Vec4) -> Vec4 + Sync) {
+    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| change(total, tile, parts, &with));
+}
+
+fn change(total: &mut [[f32; 4]], tile: usize, parts: &[At], with: &impl Fn(Vec4, Vec4) -> Vec4) {
+    for part in parts {
+        part.within(tile * TILE, tile * TILE + total.len(), |place, light| {
+            total[place] = with(Vec4::from_array(total[place]), light).to_array();
+        });
+    }
 }

@@ -8,7 +8,7 @@ use super::lane::Lane;
 use super::paths::{Light, Paths};
 use super::reach::Reach;
 use super::shares::Shares;
-use super::sums::{At, put_at, take_at};
+use super::sums::{At, Given, put_at, sum_at, without};
 use super::{Leaving, Stage};
 use crate::device::Array;
 use crate::kernels::colour_edits::{ColourEdit, Edited, colour_edits};
@@ -92,7 +92,7 @@ impl<'a> Between<'a> {
             None => edited,
             Some(positions) => {
                 let mut light = whole()?.to_vec();
-                put_at(&mut light, At { places: Some(positions), weights: None, light: &edited });
+                put_at(&mut light, At { places: Some(positions), weights: None, light: Given::Each(&edited) });
                 light
             }
         };
@@ -170,22 +170,13 @@ impl<'a> Between<'a> {
             };
             atoms.push(match &told.places {
                 None => changed,
-                Some(places) => {
-                    let mut all = vec![[0.0; 4]; reach.count];
-                    put_at(&mut all, At { places: Some(places), weights: None, light: &changed });
-                    Arc::new(all)
-                }
+                Some(_) => Arc::new(sum_at(reach.count, &[told.light(&changed)])),
             });
             taken.push((found, before));
         }
         if !taken.is_empty() {
-            let at = taken.iter().map(|(found, light)| {
-                let places = found.as_ref().as_ref().and_then(|told| told.places.as_deref());
-                At { places, weights: None, light }
-            });
-            let mut left = everything.to_vec();
-            take_at(&mut left, &at.collect::<Vec<_>>());
-            atoms[0] = Arc::new(left);
+            let at = taken.iter().filter_map(|(found, light)| Some(Option::as_ref(found)?.light(light)));
+            atoms[0] = Arc::new(without(&everything, &at.collect::<Vec<_>>()));
         }
         Ok(atoms)
     }
