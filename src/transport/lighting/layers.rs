@@ -121,15 +121,10 @@ fn layer<const C: usize>(
     channels: &[&str; C],
     content: Content,
     pixels: usize,
-    value: impl Fn(usize) -> [f32; C] + Sync,
+    value: impl Fn(usize) -> [f32; C] + Send + Sync,
 ) -> Layer {
-    let mut data = vec![0.0; C * pixels];
-    data.par_chunks_mut(C * TILE).enumerate().for_each(|(tile, data)| {
-        for (i, out) in data.chunks_exact_mut(C).enumerate() {
-            out.copy_from_slice(&value(tile * TILE + i));
-        }
-    });
-    Layer::new(name, channels, content, data)
+    let texels: Vec<[f32; C]> = (0..pixels).into_par_iter().with_min_len(TILE).map(value).collect();
+    Layer::new(name, channels, content, texels.into_flattened())
 }
 
 /// Pixels or samples that one task works on.

@@ -5,7 +5,7 @@ use super::Stage;
 use crate::Result;
 use crate::memo::Key;
 use crate::transport::edits::{Change, Transit};
-use crate::transport::ways::{CODES, Factors};
+use crate::transport::ways::Factors;
 use std::sync::Arc;
 
 /// Names a path edit, its receiver included; whose light it acts on is for the caller to say.
@@ -40,31 +40,44 @@ pub fn unhidden(edits: &[&Transit]) -> f32 {
 
 /// All factors of a list; `None` when nothing in it multiplies. Light from nearer than a gather sample's spacing counts
 /// as from there: gather samples say no more, and steep falloffs would have no bound.
-pub fn factors(stage: &Stage, edits: &[&Transit]) -> Result<Option<Arc<Factors>>> {
+pub fn factors(stage: &Stage, edits: &[&Transit]) -> Result<Option<Factors>> {
     let nearest = stage.transfer.gather.spacing();
-    let multiplies = |edit: &&&Transit| matches!(edit.change, Change::Falloff { .. } | Change::Directionality { .. });
-    let edits: Vec<&Transit> = edits.iter().filter(multiplies).copied().collect();
-    if edits.is_empty() {
+    let is_falloff = |change: &&Change| matches!(change, Change::Falloff { .. });
+    let is_side = |change: &&Change| matches!(change, Change::Directionality { .. });
+    let (falloffs, sides) = (some(edits, is_falloff), some(edits, is_side));
+    if falloffs.is_empty() && sides.is_empty() {
         return Ok(None);
     }
-    let changes: Vec<Key> = edits.iter().map(|edit| Key::of(&[bytemuck::cast_slice(&numbers(&edit.change))])).collect();
-    let changes: Vec<[u8; 16]> = changes.iter().map(|key| key.0).collect();
-    let key = Key::of(&[b"factors", &nearest.to_le_bytes(), changes.as_flattened()]);
-    let make = || {
+    // Each table is kept by itself: a slider moves one, and the lists of many casters ask for it.
+    let distance = table(stage, &falloffs, &nearest.to_le_bytes(), || {
         let mut factors = Factors::default();
-        for edit in edits {
-            match edit.change {
-                Change::Falloff { exponent, distance } => {
-                    factors.by_distance(|d| (d.max(nearest) / distance).powf(2.0 - exponent).min(f32::MAX));
-                }
-                Change::Directionality { axis, amount, focus } => factors.by_direction(|v| {
-                    let half = 0.5 + 0.5 * v.dot(axis);
-                    1.0 + amount * ((focus + 1.0) * half.max(0.0).powf(focus) - 1.0)
-                }),
-                Change::Shadow { .. } | Change::Colour(_) => {}
-            }
+        for change in &falloffs {
+            let Change::Falloff { exponent, distance } = change else { continue };
+            factors.by_distance(|d| (d.max(nearest) / distance).powf(2.0 - exponent).min(f32::MAX));
         }
-        Ok(factors)
-    };
-    stage.memo.remember(key, |_| 8 * CODES as u64, make).map(Some)
+        factors.distance
+    })?;
+    let direction = table(stage, &sides, b"", || {
+        let mut factors = Factors::default();
+        for change in &sides {
+            let Change::Directionality { axis, amount, focus } = change else { continue };
+            factors.by_direction(|v| {
+                let half = 0.5 + 0.5 * v.dot(*axis);
+                1.0 + amount * ((focus + 1.0) * half.max(0.0).powf(*focus) - 1.0)
+            });
+        }
+        factors.direction
+    })?;
+    Ok(Some(Factors { distance: distance.to_vec(), direction: direction.to_vec() }))
+}
+
+fn some<'e>(edits: &[&'e Transit], is: impl Fn(&&'e Change) -> bool) -> Vec<&'e Change> {
+    edits.iter().map(|edit| &edit.change).filter(is).collect()
+}
+
+/// One element a code.
+fn table(stage: &Stage, changes: &[&Change], limit: &[u8], make: impl FnOnce() -> Vec<f32>) -> Result<Arc<Vec<f32>>> {
+    let numbers: Vec<f32> = changes.iter().flat_map(|change| numbers(change)).collect();
+    let key = Key::of(&[b"factors", limit, bytemuck::cast_slice(&numbers)]);
+    stage.memo.remember(key, |table: &Vec<f32>| 4 * table.len() as u64, || Ok(make()))
 }

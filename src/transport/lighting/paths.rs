@@ -105,11 +105,11 @@ impl<'a> Paths<'a> {
         let Self { stage, lane, .. } = self;
         let encoded = beam.encoded(stage)?;
         let factors = factors(stage, edits)?;
-        let mut rows = self.product(cut, &cut.rows, b"seen", factors.as_deref(), encoded)?;
+        let mut rows = self.product(cut, &cut.rows, b"seen", factors.as_ref(), encoded)?;
         let amount = unhidden(edits);
         if amount > 0.0 && lane.sees_through {
             let hidden = cut.hidden(stage, beam.columns.as_deref(), || self.hidden(beam, positions))?;
-            let more = self.product(cut, &hidden, b"hidden", factors.as_deref(), encoded)?;
+            let more = self.product(cut, &hidden, b"hidden", factors.as_ref(), encoded)?;
             rows.iter_mut().zip(more).for_each(|(sum, more)| {
                 *sum = (Vec4::from_array(*sum) + Vec4::from_array(more) * amount).to_array();
             });

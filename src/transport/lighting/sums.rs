@@ -57,18 +57,16 @@ impl<'a> At<'a> {
 
 /// `count` elements: the sum of light at some places, in order; 0 where there is none.
 pub fn sum_at(count: usize, parts: &[At]) -> Vec<[f32; 4]> {
-    let mut total = vec![[0.0; 4]; count];
+    // Zeroed by all threads: memory that is handed out again is not zero yet.
+    let mut total: Vec<[f32; 4]> = rayon::iter::repeat_n([0.0; 4], count).with_min_len(TILE).collect();
     change_at(&mut total, parts, |sum, more| sum + more);
     total
 }
 
 /// All light without that at some places, in order.
 pub fn without(all: &[[f32; 4]], parts: &[At]) -> Vec<[f32; 4]> {
-    let mut left = vec![[0.0; 4]; all.len()];
-    left.par_chunks_mut(TILE).zip(all.par_chunks(TILE)).enumerate().for_each(|(tile, (left, all))| {
-        left.copy_from_slice(all);
-        change(left, tile, parts, &|left, less| left - less);
-    });
+    let mut left: Vec<[f32; 4]> = all.par_iter().with_min_len(TILE).copied().collect();
+    change_at(&mut left, parts, |left, less| left - less);
     left
 }
 
@@ -78,13 +76,11 @@ pub fn put_at(total: &mut [[f32; 4]], part: At) {
 }
 
 fn change_at(total: &mut [[f32; 4]], parts: &[At], with: impl Fn(Vec4, Vec4) -> Vec4 + Sync) {
-    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| change(total, tile, parts, &with));
-}
-
-fn change(total: &mut [[f32; 4]], tile: usize, parts: &[At], with: &impl Fn(Vec4, Vec4) -> Vec4) {
-    for part in parts {
-        part.within(tile * TILE, tile * TILE + total.len(), |place, light| {
-            total[place] = with(Vec4::from_array(total[place]), light).to_array();
-        });
-    }
+    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| {
+        for part in parts {
+            part.within(tile * TILE, tile * TILE + total.len(), |place, light| {
+                total[place] = with(Vec4::from_array(total[place]), light).to_array();
+            });
+        }
+    });
 }
