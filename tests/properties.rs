@@ -19,6 +19,8 @@ mod numbers;
 mod path_edits;
 #[path = "support/room.rs"]
 mod room;
+#[path = "properties/source_brushes.rs"]
+mod source_brushes;
 #[path = "properties/transfer.rs"]
 mod transfer;
 

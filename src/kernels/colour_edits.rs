@@ -188,7 +188,7 @@ fn check(edit: &ColourEdit, samples: usize, count: usize) -> std::result::Result
 
 fn cpu(atoms: &[&[[f32; 4]]], samples: usize, edits: &[ColourEdit]) -> Edited {
     let count = atoms.len();
-    let mut light = vec![[0.0; 4]; samples];
+    let mut light: Vec<[f32; 4]> = rayon::iter::repeat_n([0.0; 4], samples).with_min_len(BLOCK).collect();
     // The gains of a sample side by side while they are made.
     let told = edits.iter().filter(|edit| edit.tells()).count();
     let edits: Vec<Listed> = edits.iter().map(|edit| Listed::new(edit, count)).collect();
@@ -215,7 +215,10 @@ fn cpu(atoms: &[&[[f32; 4]]], samples: usize, edits: &[ColourEdit]) -> Edited {
             *total = sum.extend(0.0).to_array();
         }
     });
-    let gains = (0..told).map(|e| gains.iter().skip(e).step_by(told).copied().collect()).collect();
+    let gains = match told {
+        1 => vec![gains],
+        _ => (0..told).into_par_iter().map(|e| gains.iter().skip(e).step_by(told).copied().collect()).collect(),
+    };
     Edited { light, gains }
 }
 

@@ -5,9 +5,12 @@
 //! low 16 bits are the direction towards the sender, octahedral (Meyer et al. 2010), 8 bits an axis: off by at most one degree.
 
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 /// Codes of either half.
 pub const CODES: usize = 1 << 16;
+/// Codes that one task works on.
+const TILE: usize = 4096;
 const STEPS: f32 = 1024.0;
 const LOWEST: f32 = -24.0;
 
@@ -63,13 +66,15 @@ impl Default for Factors {
 
 impl Factors {
     /// Changed further, by distance in metres.
-    pub fn by_distance(&mut self, factor: impl Fn(f32) -> f32) {
-        self.distance.iter_mut().enumerate().for_each(|(code, value)| *value *= factor(distance(code)));
+    pub fn by_distance(&mut self, factor: impl Fn(f32) -> f32 + Sync) {
+        let codes = self.distance.par_iter_mut().enumerate().with_min_len(TILE);
+        codes.for_each(|(code, value)| *value *= factor(distance(code)));
     }
 
     /// Changed further, by the unit vector towards the sender.
-    pub fn by_direction(&mut self, factor: impl Fn(Vec3) -> f32) {
-        self.direction.iter_mut().enumerate().for_each(|(code, value)| *value *= factor(direction(code)));
+    pub fn by_direction(&mut self, factor: impl Fn(Vec3) -> f32 + Sync) {
+        let codes = self.direction.par_iter_mut().enumerate().with_min_len(TILE);
+        codes.for_each(|(code, value)| *value *= factor(direction(code)));
     }
 
     pub fn of(&self, way: u32) -> f32 {

@@ -31,7 +31,7 @@ fn irradiance(
     let edits = Edits([Edit::Source(glow)].into_iter().chain(transits).collect());
     let light = Indirect::new(&light, &edits).unwrap().irradiance;
     let points = transfer.samples.points.iter();
-    points.zip(light).filter(|(point, _)| point.exists()).map(|(_, light)| light[0]).collect()
+    points.zip(light.iter()).filter(|(point, _)| point.exists()).map(|(_, light)| light[0]).collect()
 }
 
 fn named(geometry: &Geometry, object: &str) -> Arc<Selection> {

@@ -92,7 +92,7 @@ fn bounces_in_a_furnace_are_a_geometric_series() {
         let brush = SourceBrush { selection: None, scale: 0.5, offset: Vec3::splat(0.25) };
         for (scale, offset, brushes) in [(1.0, 0.0, &[][..]), (0.5, 0.25, std::slice::from_ref(&brush))] {
             let edits = Edits(brushes.iter().cloned().map(Edit::Source).collect());
-            let leaving = leaving(&stage, || lit.clone(), &reflectance, &edits, Key::of(&[])).unwrap();
+            let leaving = leaving(&stage, || Ok(lit.clone()), &reflectance, &edits, Key::of(&[])).unwrap();
             let first = e * albedo * scale + offset;
             let expected: f32 = (0..bounces as i32).map(|n| first * (albedo * scale).powi(n)).sum();
             for (sample, leaving) in leaving.exitance.iter().enumerate() {

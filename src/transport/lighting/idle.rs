@@ -3,12 +3,18 @@
 use super::Stage;
 use crate::Result;
 use crate::device::Array;
-use crate::transport::{Edit, Edits};
+use crate::memo::Key;
+use crate::transport::{Edit, Edits, Selection};
 use std::sync::Arc;
 
 /// One line an edit, with its place in the list (from 1), its kind and the reason.
 pub fn idle(stage: &Stage, edits: &Edits) -> Result<Vec<String>> {
-    let nowhere = |weights: Arc<Array<f32>>| weights.iter().all(|&weight| weight == 0.0);
+    let nowhere = |what: &[u8], selection: &Selection, weights: &dyn Fn() -> Result<Arc<Array<f32>>>| -> Result<bool> {
+        let key = Key::of(&[b"nowhere", what, &stage.place.0, &selection.digest()]);
+        Ok(*stage.memo.remember(key, |_| 1, || Ok(weights()?.iter().all(|&weight| weight == 0.0)))?)
+    };
+    let unsent = |caster: &Selection| nowhere(b"gather", caster, &|| stage.at_gather(caster));
+    let unseen = |receiver: &Selection| nowhere(b"view", receiver, &|| stage.at_view(receiver));
     let mut lines = Vec::new();
     for (number, edit) in edits.0.iter().enumerate() {
         let [sends, receives] = match edit {
@@ -18,10 +24,10 @@ pub fn idle(stage: &Stage, edits: &Edits) -> Result<Vec<String>> {
             Edit::Sampled(_) => [None, None],
         };
         let why = match (sends, receives) {
-            (Some(caster), _) if nowhere(stage.at_gather(caster)?) => {
+            (Some(caster), _) if unsent(caster)? => {
                 "no gather sample lies in what sends its light: select more, or raise gather_samples"
             }
-            (_, Some(receiver)) if nowhere(stage.at_view(receiver)?) => {
+            (_, Some(receiver)) if unseen(receiver)? => {
                 "nothing that it acts on is in view: select more, or turn the camera"
             }
             _ => continue,

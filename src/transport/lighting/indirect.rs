@@ -1,7 +1,7 @@
 //! Indirect light of a view with a list of edits, from end to end of its path.
 
 use super::idle::idle;
-use super::{Between, Gains, GlossyLanes, Lane, Leaving, SceneLight, indirect_radiance, leaving};
+use super::{Between, Gains, GlossyLanes, Lane, Leaving, Light, SceneLight, indirect_radiance, leaving};
 use crate::memo::Key;
 use crate::transport::Edits;
 use crate::transport::glossy::{GlossyTransfer, gloss_key, glossy_transfer};
@@ -14,7 +14,7 @@ pub struct Indirect {
     /// Light that leaves the gather samples.
     pub leaving: Arc<Leaving>,
     /// Irradiance at view samples.
-    pub irradiance: Vec<[f32; 4]>,
+    pub irradiance: Light,
     /// Of the curves of transit edits.
     pub gains: Gains,
     /// Radiance that glossy surfaces reflect, at view samples; empty when there are none.
@@ -53,8 +53,7 @@ impl Indirect {
         }
         let between = Between::new(stage, edits)?;
         let reflectance = light.gather_reflectance()?;
-        let received = light.at_gather()?;
-        let leaving = leaving(stage, || received, &reflectance, edits, light.key())?;
+        let leaving = leaving(stage, || light.at_gather(), &reflectance, edits, light.key())?;
         let diffuse = between.arriving(&Lane::diffuse(stage), &leaving, None)?;
         let (reflection, glossy) = reflection(light, &between, &leaving, &diffuse.gains)?;
         let radiance = indirect_radiance(stage, &light.view_reflectance()?, &diffuse.light, &reflection, edits)?;
@@ -100,9 +99,9 @@ fn reflection(light: &SceneLight, between: &Between, leaving: &Leaving, gains: &
     let (facing, grazing) = (facing?.light, grazing?.light);
     let samples = &transfer.samples.points;
     let mut reflection = vec![[0.0; 4]; samples.len()];
-    for ((&sample, facing), grazing) in glossy.samples.iter().zip(facing).zip(grazing) {
+    for ((&sample, facing), grazing) in glossy.samples.iter().zip(facing.iter()).zip(grazing.iter()) {
         let [r, g, b, _] = gloss[samples[sample as usize].material as usize];
-        let light = Vec4::new(r, g, b, 0.0) * Vec4::from_array(facing) + Vec4::from_array(grazing);
+        let light = Vec4::new(r, g, b, 0.0) * Vec4::from_array(*facing) + Vec4::from_array(*grazing);
         reflection[sample as usize] = light.to_array();
     }
     Ok((reflection, Some([glossy.places() as u64, glossy.rays, glossy.rows.entries().len() as u64])))

@@ -1,22 +1,22 @@
 //! One transfer matrix and the samples that its rows give light to, and cut-outs of it: the rows that some samples need,
 //! with the entries that one part of the light takes. What an edit does not touch it does not multiply.
 
+use super::positions::Positions;
+use super::shares::Shares;
+use super::sums::Given;
 use super::{Stage, VEC4};
-use crate::Result;
 use crate::device::Array;
-use crate::kernels::{average_pyramid, entry_ways, interpolate};
+use crate::kernels::{average_pyramid, entry_ways};
 use crate::memo::Key;
-use crate::memory;
 use crate::transport::SparseRows;
 use crate::transport::glossy::GlossyTransfer;
+use crate::transport::hidden::Hidden;
 use crate::transport::sparse::EntryFormat;
 use crate::transport::transfer::Basis;
+use crate::{Error, Result, memory};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
-
-/// Numbers of samples, ascending.
-pub type Positions = Arc<Vec<u32>>;
 
 pub struct Lane<'a> {
     pub rows: &'a SparseRows,
@@ -102,33 +102,42 @@ pub struct CutOut {
 }
 
 impl CutOut {
-    /// `positions`: samples of the lane, `None` for all. `admitted`: per gather sample, whether light from it is asked
-    /// for (and what names that); `None` for all.
+    /// `positions`: samples of the lane, `None` for all. `senders`: gather samples whose light is asked for, `None` for all.
     pub fn new(
         stage: &Stage,
         lane: &Lane,
         positions: Option<&Positions>,
-        admitted: Option<(&[f32], Key)>,
+        senders: Option<&Shares>,
     ) -> Result<Arc<Self>> {
-        let which: &[u8] = positions.map_or(b"all", |positions| bytemuck::cast_slice(positions));
-        let light = admitted.map_or([0; 16], |(_, key)| key.0);
-        let key = Key::of(&[b"cut out", &lane.key.0, which, &light]);
+        let light = senders.map_or([0; 16], |senders| senders.key.0);
+        let key = Key::of(&[b"cut out", &lane.key.0, &Positions::name(positions), &light]);
         let bytes = |cut: &Self| cut.rows.bytes() + 36 * cut.indices.len() as u64;
         stage.memo.remember(key, bytes, || {
             let (lane_rows, indices, weights) = match positions {
                 None => ((0..lane.rows.rows() as u32).collect(), lane.indices.clone(), lane.weights.clone()),
                 Some(positions) => compact(lane, positions),
             };
-            let columns =
-                admitted.filter(|_| stage.transfer.settings.basis == Basis::Cut).map(|(leaves, _)| heap(leaves));
-            let rows = select(lane.rows, &lane_rows, columns.as_deref())?;
+            let largest = indices.par_iter().flatten().max();
+            if let Some(index) = largest.filter(|&&index| index as usize >= lane_rows.len().max(1)) {
+                let message = format!("samples lie between {} rows, one of them number {index}", lane_rows.len());
+                return Err(Error::compute(message, "the transfer is damaged: clear the cache"));
+            }
+            let rows = select(lane.rows, &lane_rows, columns(stage, senders).as_deref())?;
             Ok(Self { rows, lane_rows, indices, weights, key })
         })
     }
 
-    /// The same rows of another matrix that is laid out as the lane's.
-    pub fn rows_of(&self, matrix: &SparseRows) -> Result<SparseRows> {
-        select(matrix, &self.lane_rows, None)
+    /// The same rows of what is hidden of `senders`, which this was made for; `hidden` makes what is laid out as the
+    /// lane's rows.
+    pub fn hidden(
+        &self,
+        stage: &Stage,
+        senders: Option<&Shares>,
+        hidden: impl FnOnce() -> Result<Arc<Hidden>>,
+    ) -> Result<Arc<SparseRows>> {
+        stage.memo.remember(Key::of(&[b"hidden of", &self.key.0]), SparseRows::bytes, || {
+            select(&hidden()?.rows, &self.lane_rows, columns(stage, senders).as_deref())
+        })
     }
 
     /// Which of the lane's rows are its.
@@ -172,8 +181,8 @@ impl CutOut {
     }
 
     /// Light at the samples from light at the rows.
-    pub fn interpolate(&self, stage: &Stage, light: &[[f32; 4]]) -> Result<Vec<[f32; 4]>> {
-        interpolate(stage.device, &self.indices, &self.weights, light, 1)
+    pub fn between<'a>(&'a self, rows: &'a [[f32; 4]]) -> Given<'a> {
+        Given::Between { rows, indices: &self.indices, weights: &self.weights }
     }
 }
 
@@ -195,6 +204,11 @@ fn compact(lane: &Lane, positions: &[u32]) -> (Vec<u32>, Array<[u32; 4]>, Array<
     let indices: Vec<[u32; 4]> =
         positions.iter().map(|&p| lane.indices[p as usize].map(|row| number[row as usize])).collect();
     (rows, indices.into(), weights.into())
+}
+
+/// The columns of light that is asked for, where columns are places; `None` is all.
+fn columns(stage: &Stage, senders: Option<&Shares>) -> Option<Vec<bool>> {
+    senders.filter(|_| stage.transfer.settings.basis == Basis::Cut).map(|senders| heap(&senders.weights))
 }
 
 /// Per tree node, whether light from a gather sample below it is asked for.

@@ -78,13 +78,13 @@ impl Shading<'_> {
     /// The layers that change with light: beauty, `direct` and `indirect` (radiance, albedo included), box-filtered over
     /// the samples of a pixel.
     pub fn layers(&self) -> Vec<Layer> {
-        let direct = resolve(self.samples, |i| {
+        let direct = self.samples.resolve(|i| {
             let diffuse = rgb(self.reflectance[i]) * rgb(self.direct[i]) * FRAC_1_PI;
             let highlight = self.highlight.get(i).map_or(Vec3::ZERO, |h| rgb(*h));
             // The fourth element counts coverage.
             (diffuse + highlight + (self.emission)(i)).extend(self.reflectance[i][3])
         });
-        let indirect = resolve(self.samples, |i| rgb(self.indirect[i]).extend(0.0));
+        let indirect = self.samples.resolve(|i| rgb(self.indirect[i]).extend(0.0));
         let pixels = direct.len();
         vec![
             layer("", &["R", "G", "B", "A"], Content::Colour, pixels, |p| (direct[p] + indirect[p]).to_array()),
@@ -97,11 +97,11 @@ impl Shading<'_> {
 /// The layers that light does not change: `albedo`, `P`, `N`, `Z`. P, N and Z are averages over those samples of a pixel
 /// that hit something; Z is the distance along the camera's axis, 0 where there is nothing.
 pub fn surface_layers(samples: &Samples, reflectance: &[[f32; 4]]) -> Vec<Layer> {
-    let albedo = resolve(samples, |i| Vec4::from_array(reflectance[i]));
+    let albedo = samples.resolve(|i| Vec4::from_array(reflectance[i]));
     let points = &samples.points;
     let camera = &samples.camera;
-    let position = resolve(samples, |i| Vec3::from(points[i].position).extend(0.0));
-    let normal = resolve(samples, |i| Vec3::from(points[i].normal).extend(0.0));
+    let position = samples.resolve(|i| Vec3::from(points[i].position).extend(0.0));
+    let normal = samples.resolve(|i| Vec3::from(points[i].normal).extend(0.0));
     let place = |p: usize| if albedo[p].w > 0.0 { position[p].truncate() / albedo[p].w } else { Vec3::ZERO };
     let depth = |p: usize| match albedo[p].w {
         covered if covered > 0.0 => (camera.position - place(p)).dot(camera.world_from_camera.z_axis),
@@ -121,42 +121,14 @@ pub(in crate::transport) fn layer<const C: usize>(
     channels: &[&str; C],
     content: Content,
     pixels: usize,
-    value: impl Fn(usize) -> [f32; C] + Sync,
+    value: impl Fn(usize) -> [f32; C] + Send + Sync,
 ) -> Layer {
-    let mut data = vec![0.0; C * pixels];
-    data.par_chunks_mut(C * TILE).enumerate().for_each(|(tile, data)| {
-        for (i, out) in data.chunks_exact_mut(C).enumerate() {
-            out.copy_from_slice(&value(tile * TILE + i));
-        }
-    });
-    Layer::new(name, channels, content, data)
+    let texels: Vec<[f32; C]> = (0..pixels).into_par_iter().with_min_len(TILE).map(value).collect();
+    Layer::new(name, channels, content, texels.into_flattened())
 }
 
 /// Pixels or samples that one task works on.
 const TILE: usize = 4096;
-
-/// Mean over the samples of each pixel.
-pub(in crate::transport) fn resolve(samples: &Samples, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4> {
-    let per_pixel = samples.per_pixel();
-    (0..samples.width * samples.height)
-        .into_par_iter()
-        .with_min_len(TILE)
-        .map(|pixel| (pixel * per_pixel..(pixel + 1) * per_pixel).map(&value).sum::<Vec4>() / per_pixel as f32)
-        .collect()
-}
-
-/// Adds `count` elements of vectors of light up, in order.
-pub fn sum(count: usize, vectors: &[&[[f32; 4]]]) -> Vec<[f32; 4]> {
-    let mut total = vec![[0.0; 4]; count];
-    total.par_chunks_mut(TILE).enumerate().for_each(|(tile, total)| {
-        for vector in vectors {
-            for (sum, more) in total.iter_mut().zip(&vector[tile * TILE..]) {
-                *sum = (Vec4::from_array(*sum) + Vec4::from_array(*more)).to_array();
-            }
-        }
-    });
-    total
-}
 
 fn rgb(value: [f32; 4]) -> Vec3 {
     Vec4::from_array(value).truncate()

@@ -2,33 +2,46 @@
 //!
 //! ```text
 //! scene_light  light sources at view and gather samples
-//! exitance  direct light at gather samples -> B', bounces and source brushes included
+//! brushes   source brushes at gather samples
+//! leaving   direct light at gather samples -> B', bounces and source brushes included
+//! shares    parts of B', by caster and by what brushes touch
 //! lane      one transfer matrix and the samples that its rows give light to
-//! paths     B' -> light at some samples, by way of falloff, direction and what is in between
+//! positions, reach, receivers  which of these samples, and which edits act there
+//! paths     B' -> light at some samples, by way of falloff, direction and what is in between (path_edits)
 //! transit   the list of edits between casters and receivers, in order
 //! indirect  all of these, end to end
 //! idle      edits that change nothing here
 //! layers    irradiance -> radiance to the camera, illumination brushes, layers of a picture
+//! sums      of light over samples
 //! ```
 //!
 //! Every step keeps what it made under a key of what that was made from, so that a slider costs what it changes.
 
-mod exitance;
+mod brushes;
 mod idle;
 mod indirect;
 mod lane;
 mod layers;
+mod leaving;
+mod path_edits;
 mod paths;
+mod positions;
+mod reach;
+mod receivers;
 mod scene_light;
+mod shares;
+mod sums;
 mod transit;
 
-pub use exitance::{Leaving, leaving, source_vectors};
 pub use indirect::{Indirect, Told};
 pub use lane::{GlossyLanes, Lane};
-pub use layers::{Shading, indirect_radiance, sum, surface_layers};
-pub(in crate::transport) use layers::{layer, resolve};
-pub use paths::Paths;
+pub(in crate::transport) use layers::layer;
+pub use layers::{Shading, indirect_radiance, surface_layers};
+pub use leaving::{Leaving, leaving, source_vectors};
+pub use paths::{Light, Paths};
+pub use positions::Positions;
 pub use scene_light::SceneLight;
+pub use sums::sum;
 pub use transit::{Arriving, Between, Gains};
 
 use crate::Result;

@@ -5,112 +5,116 @@
 //! are linear, too. Where an edit's receiver is soft, light splits: `1 - a` goes without the edit and `a` with it, which
 //! is the expansion of the product over edits; hard receivers leave one branch at each sample.
 
-use super::lane::{CutOut, Lane, Positions};
+use super::lane::{CutOut, Lane};
+use super::path_edits::{factors, list_key, unhidden};
+use super::positions::Positions;
+use super::receivers::Receivers;
+use super::shares::{Beam, Shares};
+use super::sums::{At, sum_at};
 use super::{Leaving, Stage, VEC4};
-use crate::device::Array;
 use crate::kernels::{path_product, sparse_product};
 use crate::memo::Key;
-use crate::transport::edits::{Change, Transit};
+use crate::transport::edits::Transit;
 use crate::transport::hidden::{Hidden, LAYERS, hidden_rows};
 use crate::transport::sampled::apply::{self, Plan, Slots};
 use crate::transport::transfer::Basis;
 use crate::transport::ways::Factors;
-use crate::transport::{Sampled, Selection, SparseRows};
+use crate::transport::{Sampled, SparseRows};
 use crate::{Error, Result};
 use glam::Vec4;
-use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Different receivers of path edits that may act on one part of the light.
-const MOST: usize = 128;
-/// Soft ones of these that may meet at one sample: each doubles the work there.
-const MOST_SOFT: usize = 8;
-
-/// Share of each gather sample's light, and what names it; `None` is all of the light.
-pub type Shares<'a> = Option<(&'a [f32], Key)>;
+/// One element a place.
+pub type Light = Arc<Vec<[f32; 4]>>;
 
 /// Some light, on its way to some samples.
 pub struct Paths<'a> {
-    pub stage: &'a Stage<'a>,
-    pub lane: &'a Lane<'a>,
-    pub leaving: &'a Leaving,
-    pub shares: Shares<'a>,
+    stage: &'a Stage<'a>,
+    lane: &'a Lane<'a>,
+    /// Parts that add up to it.
+    beams: Vec<Beam<'a>>,
     /// Edits of the matrix that come before all others.
-    pub sampled: Option<&'a Sampled>,
+    sampled: Option<&'a Sampled>,
 }
 
-impl Paths<'_> {
+fn bytes(light: &Vec<[f32; 4]>) -> u64 {
+    VEC4 * light.len() as u64
+}
+
+impl<'a> Paths<'a> {
+    /// `caster`: share of each gather sample's light, `None` for all.
+    pub fn new(
+        stage: &'a Stage<'a>,
+        lane: &'a Lane<'a>,
+        leaving: &'a Leaving,
+        caster: Option<&Arc<Shares>>,
+        sampled: Option<&'a Sampled>,
+    ) -> Result<Self> {
+        Ok(Self { stage, lane, beams: Beam::all(stage, leaving, caster)?, sampled })
+    }
+
     /// What arrives at `positions` of the lane (`None`: all of it) through path edits; one element a position.
-    pub fn light(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Arc<Vec<[f32; 4]>>> {
-        let keys: Vec<[u8; 16]> = edits.iter().map(|edit| edit_key(edit).0).collect();
-        let key = self.key(b"light", &[bytemuck::cast_slice(&keys), bytes_of(positions)]);
-        let bytes = |light: &Vec<[f32; 4]>| VEC4 * light.len() as u64;
-        self.stage.memo.remember(key, bytes, || {
+    pub fn light(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Light> {
+        let Some(sampled) = self.sampled else { return self.unsampled(edits, positions) };
+        let name = [&b"sampled"[..], &sampled.digest()].concat();
+        let key = self.key(&name, &self.beams, edits, positions);
+        self.stage.memo.remember(key, bytes, || self.through(sampled, edits, positions))
+    }
+
+    fn unsampled(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Light> {
+        let memo = self.stage.memo;
+        memo.remember(self.key(b"light", &self.beams, edits, positions), bytes, || {
+            let receivers = Receivers::new(edits)?;
             let count = positions.map_or(self.lane.count(), |positions| positions.len());
-            let receivers = Receivers::new(self.stage, self.lane, edits, positions)?;
-            if receivers.weights.is_empty() {
-                return self.branch(edits, positions);
-            }
-            let mut total = vec![[0.0; 4]; count];
-            for (branch, (places, weights)) in receivers.branches(count)? {
-                let chosen: Vec<&Transit> = receivers.edits_of(edits, branch);
-                if places.len() == count && weights.iter().all(|&weight| weight == 1.0) {
-                    return self.branch(&chosen, positions);
-                }
-                let lane_places: Vec<u32> =
-                    places.iter().map(|&i| positions.map_or(i, |positions| positions[i as usize])).collect();
-                let lane_places = Arc::new(lane_places);
-                // Kept by itself: the slider of an edit does not change the branches that go without it.
-                let keys: Vec<[u8; 16]> = chosen.iter().map(|edit| edit_key(edit).0).collect();
-                let key = self.key(b"branch", &[bytemuck::cast_slice(&keys), bytemuck::cast_slice(&lane_places)]);
-                let arriving = self.stage.memo.remember(key, bytes, || self.branch(&chosen, Some(&lane_places)))?;
-                for ((&i, weight), light) in places.iter().zip(weights).zip(arriving.iter()) {
-                    let sum = Vec4::from_array(total[i as usize]) + Vec4::from_array(*light) * weight;
-                    total[i as usize] = sum.to_array();
+            let branches = receivers.branches(self.stage, self.lane, edits, positions)?;
+            let mut arriving = Vec::new();
+            for beam in &self.beams {
+                for branch in branches.iter() {
+                    let edits = receivers.edits_of(edits, branch);
+                    let positions = branch.within.as_ref().map_or(positions, |within| Some(&within.positions));
+                    let cut = CutOut::new(self.stage, self.lane, positions, beam.columns.as_deref())?;
+                    // Kept by itself: the slider of an edit does not change the branches that go without it.
+                    let key = self.key(b"rows", std::slice::from_ref(beam), &edits, positions);
+                    let rows = memo.remember(key, bytes, || self.rows(beam, &cut, &edits, positions))?;
+                    arriving.push((branch, cut, rows));
                 }
             }
-            Ok(total)
+            let at = arriving.iter().map(|(branch, cut, rows)| At {
+                places: branch.within.as_ref().map(|within| &within.places[..]),
+                weights: branch.weights.as_deref(),
+                light: cut.between(rows),
+            });
+            Ok(sum_at(count, &at.collect::<Vec<_>>()))
         })
     }
 
-    fn key(&self, name: &[u8], parts: &[&[u8]]) -> Key {
-        let shares = self.shares.map_or([0; 16], |(_, key)| key.0);
-        let sampled = self.sampled.map_or([0; 16], |sampled| sampled.digest());
-        let own = [name, &self.lane.key.0, &self.leaving.key.0, &shares, &sampled];
-        Key::of(&own.into_iter().chain(parts.iter().copied()).collect::<Vec<_>>())
+    fn key(&self, name: &[u8], beams: &[Beam], edits: &[&Transit], positions: Option<&Positions>) -> Key {
+        let beams: Vec<[u8; 16]> = beams.iter().map(|beam| beam.key.0).collect();
+        Key::of(&[name, &self.lane.key.0, beams.as_flattened(), &list_key(edits).0, &Positions::name(positions)])
     }
 
-    /// The same where every edit of the list acts in full.
-    fn branch(&self, edits: &[&Transit], positions: Option<&Positions>) -> Result<Vec<[f32; 4]>> {
-        let Self { stage, lane, shares, sampled, .. } = self;
-        if let Some(sampled) = sampled {
-            return self.through(sampled, edits, positions);
-        }
-        let cut = CutOut::new(stage, lane, positions, *shares)?;
-        let encoded = stage.transfer.encode(stage.device, &self.exitance(), 1)?;
-        let factors = factors(edits, stage.transfer.gather.spacing());
-        let mut rows = self.product(&cut, &cut.rows, b"seen", factors.as_ref(), &encoded)?;
+    /// What arrives at the rows of a cut-out, which is of these positions and this beam, where every edit of the list
+    /// acts in full.
+    fn rows(
+        &self,
+        beam: &Beam,
+        cut: &CutOut,
+        edits: &[&Transit],
+        positions: Option<&Positions>,
+    ) -> Result<Vec<[f32; 4]>> {
+        let Self { stage, lane, .. } = self;
+        let encoded = beam.encoded(stage)?;
+        let factors = factors(stage, edits)?;
+        let mut rows = self.product(cut, &cut.rows, b"seen", factors.as_ref(), encoded)?;
         let amount = unhidden(edits);
         if amount > 0.0 && lane.sees_through {
-            let hidden = cut.rows_of(&self.hidden(&cut)?.rows)?;
-            let more = self.product(&cut, &hidden, b"hidden", factors.as_ref(), &encoded)?;
+            let hidden = cut.hidden(stage, beam.columns.as_deref(), || self.hidden(beam, positions))?;
+            let more = self.product(cut, &hidden, b"hidden", factors.as_ref(), encoded)?;
             rows.iter_mut().zip(more).for_each(|(sum, more)| {
                 *sum = (Vec4::from_array(*sum) + Vec4::from_array(more) * amount).to_array();
             });
         }
-        cut.interpolate(stage, &rows)
-    }
-
-    /// The light, as it leaves the gather samples.
-    fn exitance(&self) -> Cow<'_, [[f32; 4]]> {
-        let exitance = &self.leaving.exitance;
-        match self.shares {
-            None => Cow::Borrowed(exitance),
-            Some((shares, _)) => {
-                Cow::Owned(exitance.iter().zip(shares).map(|(b, s)| (Vec4::from_array(*b) * *s).to_array()).collect())
-            }
-        }
+        Ok(rows)
     }
 
     /// By way of sampled edits.
@@ -123,8 +127,9 @@ impl Paths<'_> {
                 "put them before scale_offset, so that they are sampled with the others",
             ));
         }
-        let light = self.exitance();
-        let whole = Paths { sampled: None, ..*self }.light(&[], None)?.to_vec();
+        let [beam] = &self.beams[..] else { unreachable!("light that meets sampled edits is in one part") };
+        let light = beam.light();
+        let whole = self.unsampled(&[], None)?.to_vec();
         let (slots, added) = match self.lane.samples {
             None => (Slots::diffuse(sampled, transfer), sampled.offsets.as_ref()),
             Some(samples) => {
@@ -171,13 +176,14 @@ impl Paths<'_> {
         }
     }
 
-    /// What the view does not see of the light's senders, at the cut-out's rows.
-    fn hidden(&self, cut: &CutOut) -> Result<Arc<Hidden>> {
+    /// What the view does not see of the caster, at the rows of some positions: the same for all parts of its light.
+    fn hidden(&self, beam: &Beam, positions: Option<&Positions>) -> Result<Arc<Hidden>> {
         let stage = self.stage;
         let transfer = stage.transfer;
+        let cut = CutOut::new(stage, self.lane, positions, beam.caster.as_deref())?;
         stage.memo.keep(Key::of(&[b"hidden", &cut.key.0]), Hidden::bytes, || {
             let everywhere = vec![1.0; transfer.gather.count()];
-            let senders = self.shares.map_or(&everywhere[..], |(shares, _)| shares);
+            let senders = beam.caster.as_ref().map_or(&everywhere[..], |caster| &caster.weights);
             let wanted = cut.is_of(transfer.rows.rows());
             let hidden = hidden_rows(stage.device, stage.geometry, transfer, senders, &wanted, stage.progress)?;
             if hidden.dropped > 0 {
@@ -186,142 +192,4 @@ impl Paths<'_> {
             Ok(hidden)
         })
     }
-}
-
-fn bytes_of(positions: Option<&Positions>) -> &[u8] {
-    positions.map_or(b"all", |positions| bytemuck::cast_slice(positions))
-}
-
-/// Names a path edit, its receiver included; whose light it acts on is for the caller to say.
-fn edit_key(edit: &Transit) -> Key {
-    let numbers: Vec<f32> = match &edit.change {
-        Change::Falloff { exponent, distance } => vec![0.0, *exponent, *distance],
-        Change::Shadow { amount } => vec![1.0, *amount],
-        Change::Directionality { axis, amount, focus } => vec![2.0, axis.x, axis.y, axis.z, *amount, *focus],
-        Change::Colour(_) => unreachable!("colours do not change paths"),
-    };
-    let receiver = edit.block.receiver.as_ref().map_or([0; 16], |receiver| receiver.digest());
-    Key::of(&[bytemuck::cast_slice(&numbers), &receiver])
-}
-
-/// Share of what is hidden that a list lets through: each edit a share of what those before it left.
-fn unhidden(edits: &[&Transit]) -> f32 {
-    let kept = edits.iter().map(|edit| match edit.change {
-        Change::Shadow { amount } => 1.0 - amount,
-        _ => 1.0,
-    });
-    1.0 - kept.product::<f32>()
-}
-
-/// All factors of a list; `None` when nothing in it multiplies. Light from nearer than `nearest` metres counts as from
-/// there: gather samples say no more, and steep falloffs would have no bound.
-fn factors(edits: &[&Transit], nearest: f32) -> Option<Factors> {
-    let mut factors = None;
-    for edit in edits {
-        match edit.change {
-            Change::Falloff { exponent, distance } => {
-                let all: &mut Factors = factors.get_or_insert_default();
-                all.by_distance(|d| (d.max(nearest) / distance).powf(2.0 - exponent).min(f32::MAX));
-            }
-            Change::Directionality { axis, amount, focus } => {
-                let all: &mut Factors = factors.get_or_insert_default();
-                all.by_direction(|v| {
-                    let half = 0.5 + 0.5 * v.dot(axis);
-                    1.0 + amount * ((focus + 1.0) * half.max(0.0).powf(focus) - 1.0)
-                });
-            }
-            Change::Shadow { .. } | Change::Colour(_) => {}
-        }
-    }
-    factors
-}
-
-/// Per set of receivers that act (bit r for receiver r): places, and how much of the light there takes the branch.
-type Branches = BTreeMap<u128, (Vec<u32>, Vec<f32>)>;
-
-/// The receivers that a list of edits tells apart.
-struct Receivers {
-    /// Per receiver, weights at the positions.
-    weights: Vec<Array<f32>>,
-    /// Receiver of each edit; `None` is everywhere.
-    of: Vec<Option<usize>>,
-}
-
-impl Receivers {
-    fn new(stage: &Stage, lane: &Lane, edits: &[&Transit], positions: Option<&Positions>) -> Result<Self> {
-        let mut digests = Vec::new();
-        let mut all = Self { weights: Vec::new(), of: Vec::new() };
-        for edit in edits {
-            let Some(receiver) = &edit.block.receiver else {
-                all.of.push(None);
-                continue;
-            };
-            let digest = receiver.digest();
-            let known = digests.iter().position(|known| *known == digest);
-            all.of.push(Some(known.unwrap_or(digests.len())));
-            if known.is_none() {
-                digests.push(digest);
-                all.weights.push(at_positions(stage, lane, receiver, positions)?);
-            }
-        }
-        if all.weights.len() > MOST {
-            let message =
-                format!("path edits with {} different receivers act on one part of the light", all.weights.len());
-            return Err(Error::compute(message, format!("use at most {MOST}, or one receiver for several edits")));
-        }
-        Ok(all)
-    }
-
-    /// The edits that act in a branch: bit r says whether those of receiver r do.
-    fn edits_of<'e>(&self, edits: &[&'e Transit], branch: u128) -> Vec<&'e Transit> {
-        let acts = |receiver: &Option<usize>| receiver.is_none_or(|r| branch >> r & 1 == 1);
-        edits.iter().zip(&self.of).filter(|(_, receiver)| acts(receiver)).map(|(edit, _)| *edit).collect()
-    }
-
-    /// The branches that light takes at some sample: where, and how much of it.
-    fn branches(&self, count: usize) -> Result<Branches> {
-        let mut branches = Branches::new();
-        let mut soft: Vec<(usize, f32)> = Vec::with_capacity(MOST_SOFT);
-        for i in 0..count {
-            let mut always = 0u128;
-            soft.clear();
-            for (r, weight) in self.weights.iter().map(|weights| weights[i]).enumerate() {
-                match weight {
-                    1.0.. => always |= 1 << r,
-                    weight if weight > 0.0 => soft.push((r, weight)),
-                    _ => {}
-                }
-            }
-            if soft.len() > MOST_SOFT {
-                let message = format!("soft receivers of {} path edits meet at one point", soft.len());
-                return Err(Error::compute(message, format!("let at most {MOST_SOFT} overlap, or harden their edges")));
-            }
-            for choice in 0..1u32 << soft.len() {
-                let takes = |j: usize| choice >> j & 1 == 1;
-                let branch =
-                    soft.iter().enumerate().filter(|(j, _)| takes(*j)).fold(always, |all, (_, (r, _))| all | 1 << r);
-                let share = soft.iter().enumerate().map(|(j, (_, w))| if takes(j) { *w } else { 1.0 - w }).product();
-                let (places, weights) = branches.entry(branch).or_default();
-                places.push(i as u32);
-                weights.push(share);
-            }
-        }
-        Ok(branches)
-    }
-}
-
-/// Weights of a selection at positions of a lane.
-pub fn at_positions(
-    stage: &Stage,
-    lane: &Lane,
-    selection: &Selection,
-    positions: Option<&Positions>,
-) -> Result<Array<f32>> {
-    let weights = stage.at_view(selection)?;
-    let at = |position: usize| weights[lane.view_sample(position)];
-    Ok(match positions {
-        Some(positions) => positions.iter().map(|&position| at(position as usize)).collect::<Vec<_>>().into(),
-        None if lane.samples.is_none() => (*weights).clone(),
-        None => (0..lane.count()).map(at).collect::<Vec<_>>().into(),
-    })
 }

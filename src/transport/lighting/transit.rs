@@ -4,18 +4,19 @@
 //! colour edits act on the sums that their masks name. A curve acts on the light as all edits before it left it; path
 //! edits that come after it in the list act on its result, so its gains are found from a shorter list first.
 
-use super::lane::{Lane, Positions};
-use super::paths::{Paths, Shares, at_positions};
+use super::lane::Lane;
+use super::paths::{Light, Paths};
+use super::reach::Reach;
+use super::shares::Shares;
+use super::sums::{At, Given, put_at, sum_at, without};
 use super::{Leaving, Stage};
 use crate::device::Array;
 use crate::kernels::colour_edits::{ColourEdit, Edited, colour_edits};
 use crate::memo::Key;
-use crate::transport::atoms::{self, Atoms};
+use crate::transport::atoms;
 use crate::transport::edits::{Change, Transit};
 use crate::transport::{Edits, Sampled, Selection};
 use crate::{Result, memory};
-use glam::Vec4;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A list of transit edits made ready for one transfer: which casters it tells apart.
@@ -24,10 +25,14 @@ pub struct Between<'a> {
     edits: Vec<&'a Transit>,
     /// Index into `atoms.members` of each edit's caster; `None`: everything.
     caster: Vec<Option<usize>>,
-    atoms: Atoms,
-    /// Names the shares of each atom.
-    keys: Vec<Key>,
+    atoms: Arc<Atoms>,
     sampled: Option<&'a Sampled>,
+}
+
+/// The parts that casters split light into: see `atoms::Atoms`.
+struct Atoms {
+    shares: Vec<Arc<Shares>>,
+    members: Vec<Vec<usize>>,
 }
 
 /// Per edit of the list, where it has a curve: its gain at each view sample, 1 where the edit does not reach.
@@ -35,7 +40,7 @@ pub type Gains = Vec<Option<Array<f32>>>;
 
 /// Light at the samples of a lane.
 pub struct Arriving {
-    pub light: Vec<[f32; 4]>,
+    pub light: Light,
     pub gains: Gains,
 }
 
@@ -53,11 +58,7 @@ impl<'a> Between<'a> {
                 })
             }));
         }
-        let weights: Vec<Vec<f32>> =
-            distinct.iter().map(|caster| Ok(stage.at_gather(caster)?.to_vec())).collect::<Result<_>>()?;
-        let atoms = atoms::split(stage.transfer.gather.count(), &weights)?;
-        let keys = atoms.shares.iter().map(|shares| Key::of(&[b"shares", bytemuck::cast_slice(shares)])).collect();
-        Ok(Self { stage, edits, caster, atoms, keys, sampled })
+        Ok(Self { stage, atoms: Atoms::new(stage, &distinct)?, edits, caster, sampled })
     }
 
     /// Parts that the light is split into.
@@ -68,13 +69,16 @@ impl<'a> Between<'a> {
     /// The edited light at all samples of a lane. Samples that no edit's receiver holds keep every bit of the whole.
     /// `gains`: of the curves, where they were found already, at the diffuse lane.
     pub fn arriving(&self, lane: &Lane, leaving: &Leaving, gains: Option<&Gains>) -> Result<Arriving> {
-        let whole = || self.paths(lane, leaving, None).light(&[], None);
-        let reach = Reach::new(self, lane)?;
+        let whole = || self.paths(lane, leaving, None)?.light(&[], None);
         let mut gains = gains.cloned().unwrap_or_else(|| vec![None; self.edits.len()]);
-        if self.edits.is_empty() || reach.count == 0 {
-            return Ok(Arriving { light: whole()?.to_vec(), gains });
+        if self.edits.is_empty() {
+            return Ok(Arriving { light: whole()?, gains });
         }
-        let bytes = super::VEC4 * (2 * self.parts() * reach.count) as u64;
+        let reach = Reach::new(self.stage, &self.edits, lane)?;
+        if reach.count == 0 {
+            return Ok(Arriving { light: whole()?, gains });
+        }
+        let bytes = 2 * self.parts() as u64 * reach.light_bytes();
         let what = format!("{} parts of the light", self.parts());
         memory::require(bytes, &what, "use fewer different casters, or fewer pixels")?;
         let last_path = self.edits.iter().rposition(|edit| !edit.is_colour()).unwrap_or(0);
@@ -88,16 +92,15 @@ impl<'a> Between<'a> {
             None => edited,
             Some(positions) => {
                 let mut light = whole()?.to_vec();
-                positions.iter().zip(edited).for_each(|(&position, edited)| light[position as usize] = edited);
+                put_at(&mut light, At { places: Some(positions), weights: None, light: Given::Each(&edited) });
                 light
             }
         };
-        Ok(Arriving { light, gains })
+        Ok(Arriving { light: Arc::new(light), gains })
     }
 
-    fn paths<'b>(&'b self, lane: &'b Lane<'b>, leaving: &'b Leaving, atom: Option<usize>) -> Paths<'b> {
-        let shares: Shares = atom.map(|atom| (&self.atoms.shares[atom][..], self.keys[atom]));
-        Paths { stage: self.stage, lane, leaving, shares, sampled: self.sampled }
+    fn paths<'b>(&'b self, lane: &'b Lane<'b>, leaving: &'b Leaving, atom: Option<usize>) -> Result<Paths<'b>> {
+        Paths::new(self.stage, lane, leaving, atom.map(|atom| &self.atoms.shares[atom]), self.sampled)
     }
 
     fn acts_on(&self, edit: usize, atom: usize) -> bool {
@@ -147,107 +150,53 @@ impl<'a> Between<'a> {
             (0..prefix).filter(|&e| !self.edits[e].is_colour() && acts(e)).map(|e| self.edits[e]).collect()
         };
         let on_all = path_edits(None);
-        let everything = self.paths(lane, leaving, None).light(&on_all, reach.positions.as_ref())?;
+        let everything = self.paths(lane, leaving, None)?.light(&on_all, reach.positions.as_ref())?;
         let mut atoms = vec![everything.clone()];
         // Of each atom, the light to take out of the first.
-        let mut taken: Vec<Light> = Vec::new();
+        let mut taken = Vec::new();
         for atom in 1..self.parts() {
             let tells = (0..prefix).filter(|&e| self.caster[e].is_some() && self.acts_on(e, atom));
-            let Some((places, positions)) = reach.where_any(tells) else {
+            let found = reach.where_any(self.stage, &tells.collect::<Vec<_>>())?;
+            let Some(told) = found.as_ref() else {
                 atoms.push(Arc::default());
                 continue;
             };
             let on_atom = path_edits(Some(atom));
-            let paths = self.paths(lane, leaving, Some(atom));
-            let here = |edits: &[&Transit]| -> Result<Light> {
-                let light = paths.light(edits, positions.as_ref())?;
-                Ok(places.as_ref().map_or(light.clone(), |places| Arc::new(scatter(&light, places, reach.count))))
+            let paths = self.paths(lane, leaving, Some(atom))?;
+            let changed = paths.light(&on_atom, told.positions.as_ref())?;
+            let before = match on_atom.len() == on_all.len() {
+                true => changed.clone(),
+                false => paths.light(&on_all, told.positions.as_ref())?,
             };
-            let changed = here(&on_atom)?;
-            taken.push(if on_atom.len() == on_all.len() { changed.clone() } else { here(&on_all)? });
-            atoms.push(changed);
+            atoms.push(match &told.places {
+                None => changed,
+                Some(_) => Arc::new(sum_at(reach.count, &[told.light(&changed)])),
+            });
+            taken.push((found, before));
         }
         if !taken.is_empty() {
-            let left = |(i, all): (usize, &[f32; 4])| {
-                let left = taken.iter().fold(Vec4::from_array(*all), |left, atom| left - Vec4::from_array(atom[i]));
-                left.to_array()
-            };
-            atoms[0] = Arc::new(everything.par_iter().enumerate().with_min_len(4096).map(left).collect());
+            let at = taken.iter().filter_map(|(found, light)| Some(Option::as_ref(found)?.light(light)));
+            atoms[0] = Arc::new(without(&everything, &at.collect::<Vec<_>>()));
         }
         Ok(atoms)
     }
 }
 
-/// One element a place.
-type Light = Arc<Vec<[f32; 4]>>;
-
-fn scatter(light: &[[f32; 4]], places: &[u32], count: usize) -> Vec<[f32; 4]> {
-    let mut all = vec![[0.0; 4]; count];
-    places.iter().zip(light).for_each(|(&place, light)| all[place as usize] = *light);
-    all
-}
-
-/// Where a list of edits reaches in a lane.
-struct Reach {
-    /// `None`: everywhere.
-    positions: Option<Positions>,
-    count: usize,
-    /// Per edit: weights of its receiver there; `None` is 1.
-    receivers: Vec<Option<Array<f32>>>,
-}
-
-impl Reach {
-    fn new(between: &Between, lane: &Lane) -> Result<Self> {
-        let at_all = |edit: &&Transit| match &edit.block.receiver {
-            Some(receiver) => at_positions(between.stage, lane, receiver, None).map(Some),
-            None => Ok(None),
-        };
-        let all: Vec<Option<Array<f32>>> = between.edits.iter().map(at_all).collect::<Result<_>>()?;
-        if all.iter().any(Option::is_none) {
-            return Ok(Self { positions: None, count: lane.count(), receivers: all });
-        }
-        let reached = |&i: &u32| all.iter().flatten().any(|weights| weights[i as usize] > 0.0);
-        let positions: Vec<u32> = (0..lane.count() as u32).into_par_iter().with_min_len(4096).filter(reached).collect();
-        let at = |weights: &Array<f32>| positions.iter().map(|&i| weights[i as usize]).collect::<Vec<f32>>().into();
-        let receivers = all.iter().map(|weights| weights.as_ref().map(at)).collect();
-        Ok(Self { count: positions.len(), positions: Some(Arc::new(positions)), receivers })
-    }
-
-    /// Where any of these edits acts: places in this reach, and positions in the lane; `None` for all. Nothing when they
-    /// act nowhere.
-    #[allow(clippy::type_complexity)]
-    fn where_any(&self, edits: impl Iterator<Item = usize>) -> Option<(Option<Vec<u32>>, Option<Positions>)> {
-        let mut weights = Vec::new();
-        for edit in edits {
-            match &self.receivers[edit] {
-                Some(receiver) => weights.push(receiver),
-                None => return Some((None, self.positions.clone())),
-            }
-        }
-        let places: Vec<u32> =
-            (0..self.count as u32).filter(|&i| weights.iter().any(|weights| weights[i as usize] > 0.0)).collect();
-        if places.len() == self.count {
-            return Some((None, self.positions.clone()));
-        }
-        let positions = places.iter().map(|&i| self.position(i as usize)).collect();
-        (!places.is_empty()).then(|| (Some(places), Some(Arc::new(positions))))
-    }
-
-    fn position(&self, place: usize) -> u32 {
-        self.positions.as_ref().map_or(place as u32, |positions| positions[place])
-    }
-
-    /// From all view samples to here.
-    fn of_view(&self, lane: &Lane, values: &Array<f32>) -> Array<f32> {
-        (0..self.count).map(|place| values[lane.view_sample(self.position(place) as usize)]).collect::<Vec<_>>().into()
-    }
-
-    /// From here to all view samples; 1 elsewhere.
-    fn to_view(&self, lane: &Lane, values: Vec<f32>, count: usize) -> Array<f32> {
-        let mut all = vec![1.0; count];
-        for (place, value) in values.into_iter().enumerate() {
-            all[lane.view_sample(self.position(place) as usize)] = value;
-        }
-        all.into()
+impl Atoms {
+    /// Depends on the casters alone, so it is kept while numbers of edits change.
+    fn new(stage: &Stage, casters: &[&Arc<Selection>]) -> Result<Arc<Self>> {
+        let digests: Vec<[u8; 16]> = casters.iter().map(|caster| caster.digest()).collect();
+        let key = Key::of(&[b"atoms", &stage.place.0, digests.as_flattened()]);
+        let bytes = |atoms: &Self| atoms.shares.iter().map(|shares| shares.bytes()).sum();
+        stage.memo.remember(key, bytes, || {
+            let weights: Vec<Vec<f32>> =
+                casters.iter().map(|caster| Ok(stage.at_gather(caster)?.to_vec())).collect::<Result<_>>()?;
+            let atoms::Atoms { shares, members } = atoms::split(stage.transfer.gather.count(), &weights)?;
+            let named = |weights: Vec<f32>| {
+                let key = Key::of(&[b"shares", bytemuck::cast_slice(&weights)]);
+                Arc::new(Shares::new(weights, key))
+            };
+            Ok(Self { shares: shares.into_iter().map(named).collect(), members })
+        })
     }
 }

@@ -11,7 +11,7 @@ use crate::device::Array;
 use crate::memo::Key;
 use crate::transport::SparseRows;
 use crate::transport::edits::Transit;
-use crate::transport::lighting::{Indirect, Lane, Leaving, Paths, Stage};
+use crate::transport::lighting::{Indirect, Lane, Leaving, Paths, Positions, Stage};
 use crate::transport::sampled::UNTOUCHED;
 use crate::transport::sampled::fit::fit_towards;
 use crate::transport::sampled::row::{self, Row};
@@ -216,11 +216,9 @@ impl<'a> Middle<'a> {
                 .map(|s| self.edits[s])
                 .collect();
             let key = Key::of(&[b"residual", &light.0, bytemuck::cast_slice(&exitance)]);
-            let leaving = Leaving { exitance, key };
-            let lane = Lane::diffuse(stage);
-            let paths = Paths { stage, lane: &lane, leaving: &leaving, shares: None, sampled: None };
-            let samples = Arc::new(samples);
-            let arriving = paths.light(&on_paths, Some(&samples))?;
+            let (leaving, lane) = (Leaving::whole(exitance, key), Lane::diffuse(stage));
+            let samples = Positions::new(samples);
+            let arriving = Paths::new(stage, &lane, &leaving, None, None)?.light(&on_paths, Some(&samples))?;
             total.resize(stage.transfer.samples.points.len(), [0.0; 4]);
             for ((&sample, factor), light) in samples.iter().zip(factors).zip(arriving.iter()) {
                 total[sample as usize] = light.map(|light| light * factor);

@@ -129,8 +129,7 @@ fn columns(light: &SceneLight, edits: &Edits, split: &Split, sent: &Leaving) -> 
         return Ok((Vectors { scale: Some(scale.into()), offset: Some(offset.into()) }, edited));
     }
     let reflectance = light.gather_reflectance()?;
-    let received = light.at_gather()?;
-    let plain = leaving(stage, || received, &reflectance, &Edits::default(), light.key())?;
+    let plain = leaving(stage, || light.at_gather(), &reflectance, &Edits::default(), light.key())?;
     Ok((vectors(&plain.exitance, &edited)?, edited))
 }
 

@@ -15,7 +15,7 @@ use crate::memo::{Key, Memo};
 use crate::progress::Progress;
 use crate::scene::cube::{FACE_NAMES, FACES};
 use crate::transport::Samples;
-use crate::transport::lighting::{layer, resolve, surface_layers};
+use crate::transport::lighting::{layer, surface_layers};
 use crate::{Error, Result};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -202,14 +202,14 @@ impl Stage<'_> {
             false => edited::irradiance(self, progress)?,
         };
         let DirectTransport { samples, reflectance, emission, .. } = self.transport;
-        let direct = resolve(samples, |i| {
+        let direct = samples.resolve(|i| {
             let reflectance = Vec4::from_array(reflectance[i]);
             // The fourth element counts coverage.
             (reflectance * Vec4::from_array(light[i]) * FRAC_1_PI).with_w(reflectance.w)
         });
         let emitted = match emission.is_empty() {
             true => Vec::new(),
-            false => resolve(samples, |i| Vec4::from_array(emission[i])),
+            false => samples.resolve(|i| Vec4::from_array(emission[i])),
         };
         let key = Key::of(&[b"shadow surface", &samples.points.id().to_le_bytes(), &reflectance.id().to_le_bytes()]);
         let bytes = |layers: &Vec<Layer>| layers.iter().map(|layer| 4 * layer.data.len() as u64).sum();
