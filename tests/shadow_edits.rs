@@ -268,6 +268,13 @@ fn rows_in_a_haar_basis_are_edited_alike() {
     let exact: Vec<[f64; 3]> = of(Basis::Runs).iter().map(|l| [0, 1, 2].map(|c| f64::from(l[c]))).collect();
     let error = worst(&of(Basis::Haar2d), &exact);
     assert!(error < 1e-3, "{error}");
+    // And so are rows that were made from others.
+    let runs = view.bake(Basis::Runs, &[]);
+    let list = &list[1..];
+    let exact: Vec<[f64; 3]> =
+        light(&view, &with(&runs, list)).iter().map(|l| [0, 1, 2].map(|c| f64::from(l[c]))).collect();
+    let error = worst(&light(&view, &with(&view.encode(&runs, Basis::Haar2d), list)), &exact);
+    assert!(error < 1e-3, "{error}");
 }
 
 #[test]

@@ -10,6 +10,7 @@ mod support;
 
 use chiaro::device::Device;
 use chiaro::kernels::visibility_masks;
+use chiaro::progress::Progress;
 use chiaro::scene::cube::{self, FACES};
 use chiaro::scene::{Environment, Occluders, Scene, builtin};
 use chiaro::transport::shadow::visibility::Scratch;
@@ -246,13 +247,13 @@ fn what_does_not_belong_together_is_refused() {
     let (a, b) = (View::new(&hall, (8, 6), 1, small), View::new(&hall, (8, 6), 1, large));
     let visibility = a.bake(Basis::Runs, &[]);
     let says = |view: &View, text: &str| {
-        let error = view.stage(&visibility).layers().unwrap_err();
+        let error = view.stage(&visibility).layers(Progress::silent()).unwrap_err();
         assert!(error.to_string().contains(text) && !error.help().is_empty(), "{error}");
     };
     says(&b, "faces of 32 x 32 texels, the environment of 64 x 64");
     says(&View::new(&hall, (8, 7), 1, sky::sky(32)), "8 x 6 pixels");
     says(&View::new(&scene("room"), (8, 6), 1, sky::sky(32)), "different scenes");
-    assert!(a.stage(&visibility).layers().is_ok());
+    assert!(a.stage(&visibility).layers(Progress::silent()).is_ok());
     let objects = names(&hall);
     for (groups, text) in [
         (vec![("a b", &objects[..1])], "cannot be called"),
