@@ -115,9 +115,9 @@ fn sweep(line: &mut [[f32; 4]], share: impl Fn(usize) -> f32) {
         Vec4::select(next.abs().cmplt(Vec4::splat(LEAST)), Vec4::ZERO, next)
     };
     let mut last = Vec4::from_array(line[0]);
-    for i in 1..line.len() {
-        last = step(last, line[i], share(i - 1));
-        line[i] = last.to_array();
+    for (i, value) in line[1..].iter_mut().enumerate() {
+        last = step(last, *value, share(i));
+        *value = last.to_array();
     }
     for i in (0..line.len() - 1).rev() {
         last = step(last, line[i], share(i));

@@ -21,8 +21,8 @@ pub fn filters(devices: &Devices) -> Outcome {
         }
         let mut slot = |t: usize| Slot {
             carry: random.below(inputs) as u32,
-            always: if t % 5 == 0 { 1.0 } else { 0.0 },
-            mix: if t % 3 == 0 { 0.0 } else { random.unit() },
+            always: if t.is_multiple_of(5) { 1.0 } else { 0.0 },
+            mix: if t.is_multiple_of(3) { 0.0 } else { random.unit() },
         };
         let slots: Vec<Slot> = (0..outputs).map(&mut slot).collect();
         let filter = Filter { inputs, offsets: offsets.into(), taps: taps.into(), slots: slots.into() };

@@ -64,11 +64,12 @@ pub fn leaving(
         }
         let mut leaving = Leaving::whole(exitance, key);
         // Bounces bring brushed light everywhere, and sampled edits have no touched samples.
-        if stage.transfer.settings.bounces == 1 && edits.sampled().next().is_none() {
-            if let Some(touched) = Touched::new(stage, &brushes)? {
-                let part = |shares: &Arc<Shares>, is_narrow, key| Part { shares: Some(shares.clone()), is_narrow, key };
-                leaving.parts = vec![part(&touched.rest, false, plain), part(&touched.samples, true, key)];
-            }
+        if stage.transfer.settings.bounces == 1
+            && edits.sampled().next().is_none()
+            && let Some(touched) = Touched::new(stage, &brushes)?
+        {
+            let part = |shares: &Arc<Shares>, is_narrow, key| Part { shares: Some(shares.clone()), is_narrow, key };
+            leaving.parts = vec![part(&touched.rest, false, plain), part(&touched.samples, true, key)];
         }
         Ok(leaving)
     })

@@ -37,6 +37,8 @@ pub struct Paths<'a> {
     sampled: Option<&'a Sampled>,
 }
 
+// What the memo keeps is a vector.
+#[allow(clippy::ptr_arg)]
 fn bytes(light: &Vec<[f32; 4]>) -> u64 {
     VEC4 * light.len() as u64
 }

@@ -141,12 +141,12 @@ fn regions(edits: &[&ShadowEdit], wide: &[u32], size: usize) -> Option<Vec<Regio
     let mut is_wide = vec![false; texels];
     wide.iter().for_each(|&texel| is_wide[texel as usize] = true);
     let mut numbers: BTreeMap<(Vec<u32>, bool), Vec<usize>> = BTreeMap::new();
-    for texel in 0..texels {
+    for (texel, &also_wide) in is_wide.iter().enumerate() {
         let weight = |edit: &&ShadowEdit| edit.lamp.as_ref().map_or(1.0, |lamp| lamp.weights[texel]);
         let lamps: Vec<f32> = edits.iter().map(weight).collect();
         if lamps.iter().any(|&weight| weight > 0.0) {
             let bits = lamps.iter().map(|weight| weight.to_bits()).collect();
-            numbers.entry((bits, is_wide[texel])).or_default().push(texel);
+            numbers.entry((bits, also_wide)).or_default().push(texel);
             if numbers.len() > MOST {
                 return None;
             }
