@@ -70,7 +70,7 @@ impl Node for Antialias {
         job.note("unmatched_samples", stencils.unmatched);
         if not_finite > 0 {
             job.note("not_finite", not_finite);
-            tracing::warn!("{}: {not_finite} pixels hold NaN or infinity; they stay as they are", job.progress.node);
+            job.warn(format!("{not_finite} pixels hold NaN or infinity; they stay as they are"));
         }
         Ok(vec![Value::Image(Arc::new(smooth))])
     }

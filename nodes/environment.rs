@@ -4,6 +4,7 @@ use crate::image::{Image, colour, load};
 use crate::node::{Info, Inputs, Job, Node, Port, frame_path};
 use crate::scene::builtin::skies;
 use crate::scene::{LatLong, cube};
+use crate::transport::shadow::localize::COARSE;
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
 use glam::Vec3;
@@ -72,7 +73,7 @@ impl Node for Environment {
         let energy = environment.energy(0..environment.radiance.len());
         job.note("energy", energy.to_vec());
         if luminance(energy) == 0.0 {
-            job.note("warning", "the environment is black");
+            job.warn("the environment is black");
         } else {
             let of = |texel: usize| luminance(environment.energy(texel..texel + 1));
             let texels = 0..environment.radiance.len();
@@ -85,6 +86,16 @@ impl Node for Environment {
                 "share": of(brightest) / luminance(energy),
             });
             job.note("brightest", texel);
+            let share = f64::from(of(brightest) / luminance(energy));
+            if share > COARSE {
+                let percent = 100.0 * share;
+                let warning = format!(
+                    "one texel of {} x {} a face holds {percent:.0} % of the light: shadows of it have steps, and are \
+                     as soft as it is wide; raise face_size",
+                    environment.size, environment.size
+                );
+                job.warn(warning);
+            }
         }
         let lit = cube::FACE_NAMES.iter().zip(environment.lit_faces()).filter(|(_, lit)| *lit);
         job.note("lit_faces", lit.map(|(name, _)| *name).collect::<Vec<_>>());

@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::image::Image;
 use crate::node::{Info, Inputs, Job, Node, Port};
+use crate::transport::shadow::edited::chain::unbaked;
 use crate::transport::shadow::integrate::Stage;
 use crate::value::{Kind, Value};
 use schemars::JsonSchema;
@@ -35,8 +36,16 @@ impl Node for Integrate {
         stage.check_samples(samples)?;
         let without = stage.faces_without_shadows();
         if !without.is_empty() {
-            tracing::warn!("light from {} casts no shadows: visibility has no such faces", without.join(", "));
+            job.warn(format!("light from {} casts no shadows: visibility has no such faces", without.join(", ")));
             job.note("faces_without_shadows", without);
+        }
+        let unbaked = unbaked(visibility, &transport.environment);
+        if unbaked > 0 {
+            job.warn(format!(
+                "edits look at {unbaked} directions that no light comes from; shadows there were not baked. Disconnect \
+                 `environment` from the visibility node to bake them"
+            ));
+            job.note("directions_not_baked", unbaked);
         }
         job.note("edits", visibility.edits.len());
         let layers = stage.layers(job.progress)?;

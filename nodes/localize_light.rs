@@ -65,10 +65,7 @@ impl Node for LocalizeLight {
             let direction = cube::texel_point(texel, environment.size).normalize().to_array();
             job.note("brightest", json!({ "texel": texel, "direction": direction, "share": share }));
         }
-        if !found.warnings.is_empty() {
-            found.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-            job.note("warnings", found.warnings.clone());
-        }
+        found.warnings.iter().for_each(|warning| job.warn(warning));
         Ok(vec![Value::Light(Arc::new(found.lamp))])
     }
 }

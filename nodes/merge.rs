@@ -88,7 +88,7 @@ impl Node for Merge {
         let by_zero = by_zero.into_inner();
         if by_zero > 0 {
             job.note("divided by zero", by_zero);
-            tracing::warn!("{}: {by_zero} values were divided by zero; the result there is 0", job.progress.node);
+            job.warn(format!("{by_zero} values were divided by zero; the result there is 0"));
         }
         Ok(vec![Value::Image(Arc::new(merged))])
     }

@@ -40,7 +40,7 @@ impl Node for Paint {
         let place = inputs.key("scene", Facet::Geometry).expect("the scene is connected");
         let around = |points: &[SurfacePoint]| remembered(job, place, &geometry, points);
         let (selection, laid) = Selection::painted(geometry.clone(), &self.strokes, around)?;
-        laid.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+        laid.warnings.iter().for_each(|warning| job.warn(warning));
         job.note("strokes", self.strokes.len());
         job.note("points", laid.points);
         job.note("points_off_surfaces", laid.off);

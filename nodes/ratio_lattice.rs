@@ -71,8 +71,8 @@ impl Node for RatioLattice {
         job.note("folded_cells", told.folded);
         if told.folded > 0 {
             job.note("doubled_pixels", told.doubled);
-            let (node, all) = (job.progress.node, rows * columns);
-            tracing::warn!("{node}: {} of {all} cells are folded, crossed or dented", told.folded);
+            let all = rows * columns;
+            job.warn(format!("{} of {all} cells are folded, crossed or dented", told.folded));
         }
         Ok(vec![Value::Ratio(Arc::new(bent))])
     }

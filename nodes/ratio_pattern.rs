@@ -116,7 +116,7 @@ impl Node for RatioPattern {
         job.note("faded", told.faded);
         if told.faded > 0.2 {
             let percent = (100.0 * told.faded).round();
-            tracing::warn!("{}: on {percent} % of the shadow pixels are too large for the pattern", job.progress.node);
+            job.warn(format!("on {percent} % of the shadow pixels are too large for the pattern"));
         }
         Ok(vec![Value::Ratio(Arc::new(cut))])
     }
@@ -142,7 +142,7 @@ fn tiles(image: &Image, job: &Job) -> Result<Tiles> {
     let texels = layer.data.chunks_exact(stride.max(1)).map(&mut texel).collect();
     if bad > 0 {
         job.note("not_finite", bad);
-        tracing::warn!("{}: {bad} pixels of the pattern hold NaN or infinity; they are 1", job.progress.node);
+        job.warn(format!("{bad} pixels of the pattern hold NaN or infinity; they are 1"));
     }
     Tiles::new(image.width, image.height, texels)
 }

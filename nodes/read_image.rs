@@ -48,8 +48,9 @@ impl Node for ReadImage {
         for (layer, count) in
             image.layers.iter().map(|layer| (layer, not_finite(layer))).filter(|(_, count)| *count > 0)
         {
-            tracing::warn!("{}: layer \"{}\": {count} values are NaN or infinite", path.display(), layer.title());
-            job.note(&format!("not finite in {}", layer.title()), count);
+            let (path, layer) = (path.display(), layer.title());
+            job.warn(format!("{path}: layer \"{layer}\": {count} values are NaN or infinite"));
+            job.note(&format!("not finite in {layer}"), count);
         }
         let names: Vec<&str> = image.layers.iter().map(|layer| layer.title()).collect();
         job.note("layers", names);

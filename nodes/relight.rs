@@ -90,7 +90,7 @@ pub fn stage<'a>(inputs: &Inputs, job: &'a Job, geometry: &'a Geometry, transfer
 }
 
 fn tell(job: &Job, light: &SceneLight, edits: &Edits, told: &Told) {
-    told.idle.iter().for_each(|line| tracing::warn!("{line}"));
+    told.idle.iter().for_each(|line| job.warn(line));
     if !told.idle.is_empty() {
         job.note("edits_without_effect", told.idle.clone());
     }

@@ -70,10 +70,10 @@ impl Node for ScaleOffset {
         job.note("changed_samples", cost.changed);
         if cost.cut_short > 0 {
             let (short, rows, most) = (cost.cut_short, cost.rows, self.coefficients);
-            tracing::warn!(
+            job.warn(format!(
                 "{short} of {rows} rows need more than {most} coefficients for their tolerance; the picture is off by {:.2} %",
                 100.0 * cost.error
-            );
+            ));
         }
         Ok(vec![Value::Edits(Arc::new(Edits::default().and(Edit::Sampled(Arc::new(sampled)))))])
     }

@@ -70,7 +70,7 @@ impl Node for SynthesizeShadow {
         }
         if not_finite > 0 {
             job.note("not_finite", not_finite);
-            tracing::warn!("{}: {not_finite} pixels hold NaN or infinity; they stay as they are", job.progress.node);
+            job.warn(format!("{not_finite} pixels hold NaN or infinity; they stay as they are"));
         }
         if limited > 0 {
             job.note("limited", limited);

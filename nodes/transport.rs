@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Surfaces are taken to be diffuse.
+/// Surfaces are taken to be diffuse; what polished ones reflect of the environment is left out, with a warning.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Transport {}
@@ -37,6 +37,11 @@ impl Node for Transport {
         let reflectance = reflectance(&geometry, &materials, &samples.points, &samples.barycentrics);
         let energy = environment.energy(0..environment.radiance.len());
         job.note("energy", energy.to_vec());
+        let glossy = direct::glossy(&materials, &samples.points);
+        if glossy > 0 {
+            job.note("glossy_samples", glossy);
+            job.warn(format!("{glossy} samples lie on polished surfaces; what these reflect is left out"));
+        }
         Ok(vec![Value::Transport(Arc::new(DirectTransport {
             environment: environment.clone(),
             samples: samples.clone(),

@@ -51,7 +51,7 @@ impl Node for ViewTexels {
             view.points.iter().map(|p| [0.0, 0.0, 0.0, f32::from(u8::from(p.exists()))]).collect();
         layers.extend(surface_layers(view, &alpha).into_iter().filter(|layer| layer.content == Content::Data));
         if missed > 0 {
-            tracing::warn!("{missed} samples lie on surfaces too small for a texel; they are black");
+            job.warn(format!("{missed} samples lie on surfaces too small for a texel; they are black"));
             job.note("samples_without_texel", missed);
         }
         let (width, height) = (view.width, view.height);

@@ -5,6 +5,7 @@ use crate::scene::cube::{self, FACE_NAMES, FACES};
 use crate::scene::{Environment, Geometry, Occluders};
 use crate::transport::Samples;
 use crate::transport::shadow::bake::{self, Settings};
+use crate::transport::shadow::blind::blind;
 use crate::transport::shadow::haar::Truncation;
 use crate::transport::shadow::visibility::{Basis, Group, Rows, Visibility as Seen};
 use crate::value::{Kind, Value};
@@ -103,7 +104,14 @@ impl Node for Visibility {
             .collect::<Result<_>>()?;
         bake.tell(asked, groups.len());
         let edits = Vec::new();
-        let visibility = Seen { samples: samples.clone(), size, basis: self.basis, truncation, groups, edits };
+        let lit_only = environment.is_some();
+        let visibility =
+            Seen { samples: samples.clone(), size, basis: self.basis, truncation, lit_only, groups, edits };
+        let blind = blind(&visibility, environment.map(|environment| &**environment));
+        job.note("blind_samples", blind);
+        if 100 * blind > samples.points.len() {
+            job.warn(format!("{blind} samples see nothing at all and stay black: they lie inside of objects"));
+        }
         Ok(vec![Value::Visibility(Arc::new(visibility))])
     }
 }

@@ -41,14 +41,18 @@ impl Node for VisibilityRatio {
         let (a, b) = (self.layer(original, removed, "original")?, self.layer(removed, original, "removed")?);
         let (values, met) = divide(a, b);
         if b.0.title() != a.0.title() {
-            tracing::warn!("{}: {} over {}", job.progress.node, a.0.title(), b.0.title());
+            job.warn(format!("{} over {}", a.0.title(), b.0.title()));
         }
         job.note("layer", a.0.title());
         job.note("undefined", met.undefined);
+        if 2 * met.undefined > removed.width * removed.height {
+            let count = met.undefined;
+            job.warn(format!("`removed` is dark in {count} pixels, more than half: no shadow shows there"));
+        }
         if met.not_finite > 0 {
             job.note("not_finite", met.not_finite);
-            let (node, count) = (job.progress.node, met.not_finite);
-            tracing::warn!("{node}: {count} pixels hold NaN or infinity; their ratio is 1");
+            let count = met.not_finite;
+            job.warn(format!("{count} pixels hold NaN or infinity; their ratio is 1"));
         }
         if met.limited > 0 {
             job.note("limited", met.limited);

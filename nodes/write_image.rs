@@ -69,9 +69,7 @@ impl Node for WriteImage {
         };
         job.note("file", path.to_string_lossy());
         job.note("layers", image.layers.iter().map(|layer| layer.title()).collect::<Vec<_>>());
-        if !warnings.is_empty() {
-            job.note("warnings", warnings);
-        }
+        warnings.iter().for_each(|warning| job.warn(warning));
         Ok(Vec::new())
     }
 }

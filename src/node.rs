@@ -288,6 +288,17 @@ impl Job<'_> {
         self.notes.lock().expect("no panic while noting").insert(name.to_owned(), value.into());
     }
 
+    /// Tells the user, and the report (its list `warnings`), that something may be other than was meant.
+    pub fn warn(&self, text: impl Into<String>) {
+        let text = text.into();
+        tracing::warn!("{}: {text}", self.progress.node);
+        let mut notes = self.notes.lock().expect("no panic while noting");
+        match notes.entry("warnings").or_insert_with(|| serde_json::Value::Array(Vec::new())) {
+            serde_json::Value::Array(list) => list.push(text.into()),
+            other => *other = text.into(),
+        }
+    }
+
     /// Takes an intermediate result from the memory cache or computes it; `bytes` counts what the cache holds.
     pub fn memo<T: Send + Sync + 'static>(
         &self,

@@ -55,41 +55,46 @@ fn light(view: &View, visibility: &Visibility) -> Vec<[f32; 4]> {
     edited::irradiance(&view.stage(visibility), Progress::silent()).unwrap()
 }
 
-/// The same by the definition, in 64 bits; moves and turns look up the texel that they meet.
+/// The shadow of a sample in one colour by the definition, in 64 bits; moves and turns look up the texel that they meet.
+fn defined_shadow(visibility: &Visibility, sample: usize, c: usize, scratch: &mut Scratch) -> Vec<f64> {
+    let point = &visibility.samples.points[sample];
+    let read = |group: usize, scratch: &mut Scratch| -> Vec<f64> {
+        let mut all = vec![0.0; TEXELS];
+        for (face, rows) in visibility.groups[group].faces.iter().enumerate() {
+            if let Some(rows) = rows {
+                let mut values = vec![0.0f32; SIZE * SIZE];
+                rows.decode(sample, scratch, &mut values);
+                let first = face * SIZE * SIZE;
+                all[first..first + values.len()].iter_mut().zip(values).for_each(|(a, v)| *a = f64::from(v));
+            }
+        }
+        all
+    };
+    let run = |mut shadow: Vec<f64>, group: Option<&str>| {
+        for edit in visibility.edits.iter().filter(|edit| edit.group.as_deref() == group) {
+            let selected = edit.selection.as_ref().map_or(1.0, |s| s.weight(point));
+            shadow = applied(edit, &shadow, f64::from(selected), point.position.into(), c);
+        }
+        shadow
+    };
+    let mut seen = vec![1.0; TEXELS];
+    for group in 0..visibility.groups.len() {
+        let hidden = run(read(group, scratch), Some(&visibility.groups[group].name));
+        seen.iter_mut().zip(hidden).for_each(|(seen, hidden)| *seen *= 1.0 - hidden);
+    }
+    run(seen.into_iter().map(|seen| 1.0 - seen).collect(), None)
+}
+
+/// The light by the definition.
 fn defined(view: &View, visibility: &Visibility) -> Vec<[f64; 3]> {
     let environment = &view.transport.environment;
     let mut scratch = Scratch::default();
     let points = &view.samples.points;
     let mut light = vec![[0.0; 3]; points.len()];
     for (sample, light) in light.iter_mut().enumerate() {
-        let read = |group: usize, scratch: &mut Scratch| -> Vec<f64> {
-            let mut all = vec![0.0; TEXELS];
-            for (face, rows) in visibility.groups[group].faces.iter().enumerate() {
-                if let Some(rows) = rows {
-                    let mut values = vec![0.0f32; SIZE * SIZE];
-                    rows.decode(sample, scratch, &mut values);
-                    let first = face * SIZE * SIZE;
-                    all[first..first + values.len()].iter_mut().zip(values).for_each(|(a, v)| *a = f64::from(v));
-                }
-            }
-            all
-        };
+        let normal = Vec3::from(points[sample].normal).as_dvec3();
         for c in 0..3 {
-            let run = |mut shadow: Vec<f64>, group: Option<&str>| {
-                for edit in visibility.edits.iter().filter(|edit| edit.group.as_deref() == group) {
-                    let selected = edit.selection.as_ref().map_or(1.0, |s| s.weight(&points[sample]));
-                    shadow = applied(edit, &shadow, f64::from(selected), points[sample].position.into(), c);
-                }
-                shadow
-            };
-            let mut seen = vec![1.0; TEXELS];
-            for group in 0..visibility.groups.len() {
-                let name = visibility.groups[group].name.clone();
-                let hidden = run(read(group, &mut scratch), Some(&name));
-                seen.iter_mut().zip(hidden).for_each(|(seen, hidden)| *seen *= 1.0 - hidden);
-            }
-            let shadow = run(seen.into_iter().map(|seen| 1.0 - seen).collect(), None);
-            let normal = Vec3::from(points[sample].normal).as_dvec3();
+            let shadow = defined_shadow(visibility, sample, c, &mut scratch);
             for (texel, shadow) in shadow.iter().enumerate() {
                 let direction: DVec3 = cube::texel_point(texel, SIZE).as_dvec3().normalize();
                 let radiance = environment.radiance[texel].map(f64::from);
@@ -195,6 +200,47 @@ fn edits_do_what_they_are_defined_to_do() {
     let visibility = with(&baked, &[ShadowEdit { lamp: inner, ..edit(whole_texels) }]);
     let error = worst(&light(&view, &visibility), &defined(&view, &visibility));
     assert!(error < 1e-4, "a move: {error}");
+}
+
+#[test]
+fn what_selected_samples_see_is_the_mean_of_what_each_sees() {
+    let (scene, view) = hall();
+    let baked = view.bake(Basis::Runs, &[("some", &some_objects(&scene))]);
+    let some = Some("some".to_owned());
+    let tint = ShadowChange::Tint { amount: 0.8, colour: Vec3::new(0.9, 0.4, 0.0) };
+    let half_turn = ShadowChange::Turn { axis: Vec3::Y, angle: std::f32::consts::PI };
+    let edits = [
+        ShadowEdit { group: some, lamp: sun(), ..edit(tint) },
+        ShadowEdit { selection: painted(&view), ..edit(half_turn) },
+    ];
+    let points = &view.samples.points;
+    let weights: Vec<f32> = (0..points.len()).map(|i| if i % 37 == 5 { (i % 3) as f32 / 2.0 } else { 0.0 }).collect();
+    let mean = |visibility: &Visibility| {
+        let (mut scratch, mut mean, mut total) = (Scratch::default(), vec![[0.0; 3]; TEXELS], 0.0);
+        for sample in (0..points.len()).filter(|&i| weights[i] > 0.0 && points[i].exists()) {
+            total += f64::from(weights[sample]);
+            let mut above = vec![0; SIZE * SIZE / 32 * FACES];
+            let faces = above.chunks_exact_mut(SIZE * SIZE / 32).enumerate();
+            faces.for_each(|(face, mask)| visibility.horizon(sample, face, mask));
+            (0..3).for_each(|c| {
+                let shadow = defined_shadow(visibility, sample, c, &mut scratch);
+                for texel in (0..TEXELS).filter(|texel| above[texel / 32] >> (texel % 32) & 1 == 1) {
+                    mean[texel][c] += f64::from(weights[sample]) * (1.0 - shadow[texel]);
+                }
+            });
+        }
+        mean.iter_mut().flatten().for_each(|mean| *mean /= total);
+        mean
+    };
+    let (edited_by_all, plain) = (with(&baked, &edits), &baked);
+    for visibility in [plain, &edited_by_all] {
+        let found = edited::seen(&chiaro::device::Device::Cpu, Progress::silent(), visibility, &weights).unwrap();
+        let expected = mean(visibility);
+        let pairs = found.iter().flatten().zip(expected.iter().flatten());
+        let worst = pairs.map(|(found, mean)| (f64::from(*found) - mean).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-4, "{worst}");
+    }
+    assert!(mean(plain) != mean(&edited_by_all));
 }
 
 #[test]

@@ -4,6 +4,8 @@
 mod node_types;
 #[path = "shadows/plates.rs"]
 mod plates;
+#[path = "shadows/removal.rs"]
+mod removal;
 #[path = "support/sky.rs"]
 mod sky;
 mod support;

@@ -289,7 +289,8 @@ fn write_difference(path: &Path, a: &Layer, b: &Layer, width: usize, mean: f64) 
         let pixels = layer.data.chunks(layer.channels.len());
         let data = pixels.flat_map(|pixel| keep.iter().map(|&i| pixel[i].abs() * scale)).collect();
         let channels: Vec<&str> = keep.iter().map(|&i| layer.channels[i].as_str()).collect();
-        png::write(path, &Layer::new("", &channels, layer.content, data), width)?;
+        let warnings = png::write(path, &Layer::new("", &channels, layer.content, data), width)?;
+        warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
         return Ok(());
     }
     if load::extension(path) != "exr" {
@@ -298,6 +299,7 @@ fn write_difference(path: &Path, a: &Layer, b: &Layer, width: usize, mean: f64) 
     layer.name = String::new();
     let height = layer.data.len() / layer.channels.len() / width;
     let image = Image { width, height, layers: vec![layer], metadata: Vec::new() };
-    exr_write::write(path, &image, Depth::Float, &[])?;
+    let warnings = exr_write::write(path, &image, Depth::Float, &[])?;
+    warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     Ok(())
 }

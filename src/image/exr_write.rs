@@ -40,14 +40,11 @@ struct Channel<'a> {
 }
 
 /// Writes all layers. `attributes` are added to the picture's own metadata, and win where names are equal. Returns
-/// what the user should know (also logged): layers stored as float against the wish, values that are not finite.
+/// what the user should know: layers stored as float against the wish, values that are not finite.
 pub fn write(path: &Path, image: &Image, depth: Depth, attributes: &[(&str, &str)]) -> Result<Vec<String>> {
     let (bytes, warnings) = encode(path, image, depth, attributes)?;
     atomic::write(path, &bytes)?;
-    for warning in &warnings {
-        tracing::warn!("{}: {warning}", path.display());
-    }
-    Ok(warnings)
+    Ok(warnings.into_iter().map(|warning| format!("{}: {warning}", path.display())).collect())
 }
 
 /// The bytes of the file; `path` only serves messages.

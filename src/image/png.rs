@@ -36,8 +36,11 @@ pub fn write(path: &Path, layer: &Layer, width: usize) -> Result<Vec<String>> {
     if not_finite == 0 {
         return Ok(Vec::new());
     }
-    let warning = format!("layer \"{}\": {not_finite} values are NaN or infinite; written as 0", layer.title());
-    tracing::warn!("{}: {warning}", path.display());
+    let warning = format!(
+        "{}: layer \"{}\": {not_finite} values are NaN or infinite; written as 0",
+        path.display(),
+        layer.title()
+    );
     Ok(vec![warning])
 }
 

@@ -96,32 +96,45 @@ fn cpu(values: &[[f32; 4]], width: usize, share: f32, links: Option<[&Array<u32>
         }
         let links: Option<&[u8]> = links.map(|links| bytemuck::cast_slice(&links[axis][..]));
         let length = lengths[axis];
-        picture.par_chunks_mut(length).enumerate().for_each(|(n, line)| match links {
-            Some(links) => {
-                let links = &links[n * length..];
-                sweep(line, |i| share * (f32::from(links[i]) / 255.0));
+        picture.par_chunks_mut(length * LINES).enumerate().for_each(|(n, lines)| {
+            let first = n * length * LINES;
+            let one = |i: usize| links.map_or(share, |links| share * (f32::from(links[first + i]) / 255.0));
+            match lines.len() == length * LINES {
+                true => sweep::<LINES>(lines, one),
+                false => (0..lines.len()).step_by(length).for_each(|at| {
+                    sweep::<1>(&mut lines[at..at + length], |i| one(at + i));
+                }),
             }
-            None => sweep(line, |_| share),
         });
     }
     picture
 }
 
-/// Forth and back; `share(i)`: between value i and the next one.
-fn sweep(line: &mut [[f32; 4]], share: impl Fn(usize) -> f32) {
+/// Lines that are swept together: each step waits for the one before it, but not for other lines.
+const LINES: usize = 4;
+
+/// Forth and back along each of N lines, one behind the other; `share(i)`: between value i and the next one.
+fn sweep<const N: usize>(lines: &mut [[f32; 4]], share: impl Fn(usize) -> f32) {
+    let length = lines.len() / N;
     let step = |last: Vec4, value: [f32; 4], share: f32| {
         let value = Vec4::from_array(value);
         let next = value + (last - value) * share;
         Vec4::select(next.abs().cmplt(Vec4::splat(LEAST)), Vec4::ZERO, next)
     };
-    let mut last = Vec4::from_array(line[0]);
-    for (i, value) in line[1..].iter_mut().enumerate() {
-        last = step(last, *value, share(i));
-        *value = last.to_array();
+    let mut last: [Vec4; N] = std::array::from_fn(|k| Vec4::from_array(lines[k * length]));
+    for i in 1..length {
+        for (k, last) in last.iter_mut().enumerate() {
+            let at = k * length + i;
+            *last = step(*last, lines[at], share(at - 1));
+            lines[at] = last.to_array();
+        }
     }
-    for i in (0..line.len() - 1).rev() {
-        last = step(last, line[i], share(i));
-        line[i] = last.to_array();
+    for i in (0..length - 1).rev() {
+        for (k, last) in last.iter_mut().enumerate() {
+            let at = k * length + i;
+            *last = step(*last, lines[at], share(at));
+            lines[at] = last.to_array();
+        }
     }
 }
 
@@ -187,10 +200,16 @@ mod tests {
     #[test]
     fn a_sweep_by_hand() {
         let mut line = [[0.0; 4], [8.0; 4], [0.0; 4]];
-        sweep(&mut line, |_| 0.5);
+        sweep::<1>(&mut line, |_| 0.5);
         // Forth 0, 4, 2; back 1.5, 3, 2.
         assert_eq!(line.map(|v| v[0]), [1.5, 3.0, 2.0]);
-        sweep(&mut line[..1], |_| panic!("there is no other"));
+        sweep::<1>(&mut line[..1], |_| panic!("there is no other"));
+        // Four at once are each by itself.
+        let mut lines: Vec<[f32; 4]> = (0..12).map(|i| [(i * i % 7) as f32; 4]).collect();
+        let mut each = lines.clone();
+        sweep::<4>(&mut lines, |i| 0.1 * i as f32 / 2.0);
+        each.chunks_mut(3).enumerate().for_each(|(k, line)| sweep::<1>(line, |i| 0.1 * (3 * k + i) as f32 / 2.0));
+        assert_eq!(lines, each);
     }
 
     #[test]

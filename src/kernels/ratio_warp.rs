@@ -65,12 +65,18 @@ impl Place {
     }
 }
 
-/// One look-up for each place, in a picture of rows of `width` pixels.
+/// One look-up for each place, into `warped`, in a picture of rows of `width` pixels.
 ///
 /// # Errors
-/// `Compute` when values are not whole rows, or a place has more look-ups or lies further off than it may. Pictures larger than a GPU binding are
-/// looked up on the CPU.
-pub fn ratio_warp(device: &Device, values: &[[f32; 4]], width: usize, places: &[Place]) -> Result<Vec<[f32; 4]>> {
+/// `Compute` when values are not whole rows, places are not one for each result, or a place has more look-ups or lies
+/// further off than it may. Pictures larger than a GPU binding are looked up on the CPU.
+pub fn ratio_warp(
+    device: &Device,
+    values: &[[f32; 4]],
+    width: usize,
+    places: &[Place],
+    warped: &mut [[f32; 4]],
+) -> Result<()> {
     let fault = |what: String| {
         let help = "this is a fault of the node that called the kernel; please report it";
         Err(Error::compute(format!("ratio_warp: {what}"), help))
@@ -78,28 +84,30 @@ pub fn ratio_warp(device: &Device, values: &[[f32; 4]], width: usize, places: &[
     if values.len() >= 1 << 31 || !values.len().is_multiple_of(width.max(1)) {
         return fault(format!("{} values are not rows of {width}", values.len()));
     }
-    if let Some(place) = places.par_iter().find_any(|place| !place.is_sound()) {
+    if places.len() != warped.len() {
+        return fault(format!("{} places for {} results", places.len(), warped.len()));
+    }
+    if let Some(place) = places.par_iter().with_min_len(BLOCK).find_any(|place| !place.is_sound()) {
         return fault(format!("a look-up of {:?} at {:?} over {:?}", place.counts, place.at, place.sides));
     }
     let height = (values.len() / width.max(1)) as u32;
     let params = Params { width: width as u32, height, targets: places.len() as u32, pad0: 0 };
     match device {
-        Device::Cpu => Ok(cpu(&params, values, places)),
+        Device::Cpu => cpu(&params, values, places, warped),
         #[cfg(feature = "gpu")]
-        Device::Gpu(gpu) if values.len() <= gpu.page(16) => self::gpu(gpu, &params, values, places),
+        Device::Gpu(gpu) if values.len() <= gpu.page(16) => return self::gpu(gpu, &params, values, places, warped),
         #[cfg(feature = "gpu")]
-        Device::Gpu(_) => Ok(cpu(&params, values, places)),
+        Device::Gpu(_) => cpu(&params, values, places, warped),
     }
+    Ok(())
 }
 
-fn cpu(params: &Params, values: &[[f32; 4]], places: &[Place]) -> Vec<[f32; 4]> {
-    let mut warped = vec![[1.0; 4]; places.len()];
+fn cpu(params: &Params, values: &[[f32; 4]], places: &[Place], warped: &mut [[f32; 4]]) {
     warped.par_chunks_mut(BLOCK).zip(places.par_chunks(BLOCK)).for_each(|(warped, places)| {
         for (out, place) in warped.iter_mut().zip(places) {
             *out = look_up(params, values, place).to_array();
         }
     });
-    warped
 }
 
 fn look_up(params: &Params, values: &[[f32; 4]], place: &Place) -> Vec4 {
@@ -125,9 +133,10 @@ fn look_up(params: &Params, values: &[[f32; 4]], place: &Place) -> Vec4 {
 }
 
 fn bilinear(params: &Params, values: &[[f32; 4]], at: Vec2) -> Vec4 {
-    let low = at.floor();
-    let share = at - low;
-    let (x, y) = (low.x as i32, low.y as i32);
+    // Without a call of the library, which `floor` is on processors of the least common kind.
+    let floor = |x: f32| x as i32 - i32::from((x as i32) as f32 > x);
+    let (x, y) = (floor(at.x), floor(at.y));
+    let share = at - Vec2::new(x as f32, y as f32);
     let width = params.width as usize;
     let inside = x >= 0 && y >= 0 && x + 1 < params.width as i32 && y + 1 < params.height as i32;
     let [above, below] = if inside {
@@ -148,9 +157,8 @@ fn fetch(params: &Params, values: &[[f32; 4]], x: i32, y: i32) -> Vec4 {
 }
 
 #[cfg(feature = "gpu")]
-fn gpu(gpu: &Gpu, params: &Params, values: &[[f32; 4]], places: &[Place]) -> Result<Vec<[f32; 4]>> {
+fn gpu(gpu: &Gpu, params: &Params, values: &[[f32; 4]], places: &[Place], out: &mut [[f32; 4]]) -> Result<()> {
     let source = gpu.upload(values);
-    let mut out = Vec::with_capacity(places.len());
     for range in pages(places.len(), gpu.page(size_of::<Place>())) {
         let params = Params { targets: range.len() as u32, ..*params };
         let warped = gpu.storage::<[f32; 4]>(range.len());
@@ -158,9 +166,9 @@ fn gpu(gpu: &Gpu, params: &Params, values: &[[f32; 4]], places: &[Place]) -> Res
         let buffers = [&source, &gpu.upload(&places[range.clone()]), &warped];
         batch.dispatch(&KERNEL, &params, &buffers, range.len().div_ceil(64))?;
         let [page] = batch.read([&warped])?;
-        out.extend_from_slice(page.get());
+        out[range].copy_from_slice(page.get());
     }
-    Ok(out)
+    Ok(())
 }
 
 #[cfg(test)]
@@ -173,7 +181,9 @@ mod tests {
 
     fn warp(values: &[f32], width: usize, places: &[Place]) -> Vec<f32> {
         let values: Vec<[f32; 4]> = values.iter().map(|v| [*v, *v, *v, 1.0]).collect();
-        ratio_warp(&Device::Cpu, &values, width, places).unwrap().iter().map(|v| v[0]).collect()
+        let mut warped = vec![[0.0; 4]; places.len()];
+        ratio_warp(&Device::Cpu, &values, width, places, &mut warped).unwrap();
+        warped.iter().map(|v| v[0]).collect()
     }
 
     #[test]
@@ -195,7 +205,11 @@ mod tests {
     #[test]
     fn bad_calls_are_refused_and_far_places_are_not() {
         let values = [[0.5; 4]; 6];
-        let run = |width, place| ratio_warp(&Device::Cpu, &values, width, &[place]);
+        let mut out = [[0.0; 4]];
+        let mut run = |width, place| {
+            let result = ratio_warp(&Device::Cpu, &values, width, &[place], &mut out);
+            result.map(|()| out)
+        };
         assert!(run(4, at(0.0, 0.0)).is_err());
         assert!(run(3, Place { counts: [65, 1], ..Place::NOWHERE }).is_err());
         for bad in [1e30, f32::NEG_INFINITY, f32::NAN] {
@@ -203,6 +217,8 @@ mod tests {
             assert!(run(3, Place { counts: [1, 1], sides: [[0.0; 2], [bad, 0.0]], ..Place::NOWHERE }).is_err());
         }
         assert_eq!(run(3, at(-2e8, 2e8)).unwrap(), [[1.0; 4]]);
-        assert_eq!(ratio_warp(&Device::Cpu, &[], 0, &[at(0.0, 0.0)]).unwrap(), [[1.0; 4]]);
+        ratio_warp(&Device::Cpu, &[], 0, &[at(0.0, 0.0)], &mut out).unwrap();
+        assert_eq!(out, [[1.0; 4]]);
+        assert!(ratio_warp(&Device::Cpu, &values, 3, &[], &mut out).is_err());
     }
 }

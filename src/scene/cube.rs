@@ -28,11 +28,13 @@ pub fn check_size(size: usize) -> Result<()> {
 }
 
 /// Axis that a face looks along, and its sign.
+#[inline]
 pub fn axis(face: usize) -> (usize, f32) {
     (face / 2, if face.is_multiple_of(2) { 1.0 } else { -1.0 })
 }
 
 /// The point of a face at `u`, `v`: on the cube of half side 1, not normalised.
+#[inline]
 pub fn point(face: usize, u: f32, v: f32) -> Vec3 {
     let (a, sign) = axis(face);
     let mut point = [0.0; 3];
@@ -43,6 +45,7 @@ pub fn point(face: usize, u: f32, v: f32) -> Vec3 {
 }
 
 /// Middle of a texel along one side of a face.
+#[inline]
 pub fn middle(x: usize, size: usize) -> f32 {
     (2 * x + 1) as f32 / size as f32 - 1.0
 }

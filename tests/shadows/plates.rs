@@ -13,13 +13,13 @@ use chiaro::transport::shadow::Basis;
 use std::path::Path;
 use std::time::Instant;
 
-fn environment(path: &Path, size: usize) -> Environment {
+pub fn environment(path: &Path, size: usize) -> Environment {
     let map = image::open(path).unwrap().to_rgb32f();
     let pixels = map.pixels().map(|pixel| pixel.0).collect();
     LatLong::new(map.width() as usize, map.height() as usize, pixels).unwrap().cube(size, 0.0, 1.0).unwrap()
 }
 
-fn radiance(plate: &Path, pass: &str) -> Layer {
+pub fn radiance(plate: &Path, pass: &str) -> Layer {
     let image = exr_read::read_layers(plate, &[pass, "Diffuse Color"]).unwrap();
     let (light, colour) = (image.find(pass).unwrap(), image.find("Diffuse Color").unwrap());
     light.with_data(light.data.iter().zip(&colour.data).map(|(light, colour)| light * colour).collect())
@@ -63,12 +63,6 @@ fn the_plaza_at_night_is_as_a_path_tracer_has_it() {
             visibility.bytes() / 1_000_000,
             entries as f64 / (FACES * view.samples.points.len()) as f64,
         );
-        if basis == Basis::Runs && std::env::var_os("CHIARO_PICTURE").is_some() {
-            let tone = |x: f32| (x / (1.0 + x)).powf(1.0 / 2.2);
-            let shown = direct.with_data(direct.data.iter().map(|x| tone(*x * 2.0)).collect());
-            let pixels: Vec<u8> = shown.data.iter().map(|x| (255.0 * x) as u8).collect();
-            image::save_buffer("/tmp/proto/plaza.png", &pixels, 640, 480, image::ColorType::Rgb8).unwrap();
-        }
         assert!(error <= asked, "{basis:?}: {error}");
     }
 }

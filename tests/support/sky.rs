@@ -83,7 +83,7 @@ impl View {
         });
         let groups = groups.collect::<Result<_>>()?;
         let (samples, truncation) = (self.samples.clone(), self.truncation);
-        Ok(Visibility { samples, size, basis, truncation, groups, edits: Vec::new() })
+        Ok(Visibility { samples, size, basis, truncation, lit_only: true, groups, edits: Vec::new() })
     }
 
     /// Rows of one group in another basis, from those in runs: without drawing again.

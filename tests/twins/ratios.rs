@@ -63,7 +63,8 @@ pub fn warps(devices: &Devices) -> Outcome {
             // Between 0 and 65504 a rounding of the place is a rounding of 65504.
             let tolerance = if ugly { (65504.0 * 2e-5, 1e-5) } else { (2e-5, 1e-5) };
             compare(&format!("{width} x {height}"), devices, tolerance, |device| {
-                ratio_warp(device, &values, width, &places)
+                let mut warped = vec![[0.0; 4]; places.len()];
+                ratio_warp(device, &values, width, &places, &mut warped).map(|()| warped)
             })?;
         }
     }

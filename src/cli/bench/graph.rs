@@ -1,6 +1,6 @@
 //! Times a recipe: whole runs of the program, cold and warm, and one relight node by hand with a light on the move.
 
-use super::{head, measure, print, sliders, visibility};
+use super::{Part, head, integrate, measure, print, sliders, visibility};
 use crate::device::{Choice, Device};
 use crate::eval::{Context, Evaluator, Memory, Options};
 use crate::graph::{self, Document, Plan};
@@ -18,7 +18,14 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-pub fn run(path: &Path, device: Device, choice: Choice, runs: u32, registry: &'static [NodeType]) -> Result<()> {
+pub fn run(
+    path: &Path,
+    device: Device,
+    choice: Choice,
+    runs: u32,
+    registry: &'static [NodeType],
+    asked: &dyn Fn(Part) -> bool,
+) -> Result<()> {
     let mut document = graph::load(path)?;
     let plan = Plan::new(&document, registry)?;
     let of_type = |name: &str| plan.steps.iter().any(|step| step.node_type.info.name == name);
@@ -30,15 +37,21 @@ pub fn run(path: &Path, device: Device, choice: Choice, runs: u32, registry: &'s
             "name a recipe that lights something",
         ));
     }
-    whole_runs(path, &document, choice)?;
-    if shadowed {
+    if asked(Part::Process) {
+        whole_runs(path, &document, choice)?;
+    }
+    if shadowed && asked(Part::Masks) {
         masks(&plan, &document, Device::open(choice)?)?;
     }
-    if relit {
-        moved_light(&plan, device, runs)?;
-        sliders::run(&mut document, Device::open(choice)?, runs, registry)?;
+    match relit {
+        _ if !asked(Part::Light) => {}
+        true => moved_light(&plan, device, runs)?,
+        false => integrate::run(&plan, device, runs)?,
     }
-    Ok(())
+    match asked(Part::Sliders) {
+        true => sliders::run(&mut document, Device::open(choice)?, runs, registry),
+        false => Ok(()),
+    }
 }
 
 /// Draws the masks of visibility of the first view_samples node.

@@ -1,6 +1,7 @@
 //! `chiaro bench`: the figures of the README, on this machine.
 
 mod graph;
+mod integrate;
 mod kernels;
 mod sliders;
 mod visibility;
@@ -15,7 +16,7 @@ use std::time::Instant;
 /// Measure speed and memory on this machine
 ///
 /// Without a graph: the kernels on made-up data, beside the machine's own streaming rate. With one: a cold and a warm
-/// run of the whole program, a changed slider, relighting after a light has moved, and masks of visibility.
+/// run of the whole program, sliders, relighting after a light has moved, masks of visibility, and integrating them.
 #[derive(clap::Args)]
 pub struct Args {
     /// Recipe to measure; it needs a relight node, or view_samples beside an environment or visibility node
@@ -25,6 +26,22 @@ pub struct Args {
     /// Runs of each measurement; the median is printed
     #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
     runs: u32,
+    /// Of a recipe, measure only this; may be given several times
+    #[arg(long, value_enum)]
+    part: Vec<Part>,
+}
+
+/// What is measured of a recipe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Part {
+    /// Runs of the whole program
+    Process,
+    /// Masks of visibility, beside rays
+    Masks,
+    /// One lighting node by itself
+    Light,
+    /// From a slider to the picture
+    Sliders,
 }
 
 impl Args {
@@ -32,7 +49,10 @@ impl Args {
         let device = Device::open(self.device)?;
         print(&format!("{}; {}\n", processor(), device.name()));
         match &self.graph {
-            Some(path) => graph::run(path, device, self.device, self.runs, registry)?,
+            Some(path) => {
+                let asked = |part| self.part.is_empty() || self.part.contains(&part);
+                graph::run(path, device, self.device, self.runs, registry, &asked)?
+            }
             None => kernels::run(&device),
         }
         Ok(0)

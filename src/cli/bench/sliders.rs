@@ -1,4 +1,4 @@
-//! Times sliders of edits: from a changed parameter to the finished picture of the relight node, in one process.
+//! Times sliders of edits: from a changed parameter to the finished picture that shows it, in one process.
 
 use super::{measure, print};
 use crate::Result;
@@ -20,6 +20,17 @@ const SLIDERS: &[(&str, &str, f64)] = &[
     ("directionality", "amount", 0.005),
 ];
 
+/// As `SLIDERS`, for shadows under an environment, and for the light itself.
+const SHADOW_SLIDERS: &[(&str, &str, f64)] = &[
+    ("environment", "exposure", 0.01),
+    ("remove_shadow", "amount", -0.005),
+    ("shadow_gradient", "amount", -0.005),
+    ("translate_shadow", "offset", 0.005),
+    ("rotate_shadow", "angle", 0.1),
+    ("blur_shadow", "angle", 0.05),
+    ("tint_shadow", "amount", -0.005),
+];
+
 /// As `SLIDERS`, for ratios of shadows: what is waited for is the first picture with a shadow put in.
 const RATIO_SLIDERS: &[(&str, &str, f64)] = &[
     ("ratio_transform", "rotate", 0.1),
@@ -33,7 +44,8 @@ const RATIO_SLIDERS: &[(&str, &str, f64)] = &[
 pub fn run(document: &mut Document, device: Device, runs: u32, registry: &'static [NodeType]) -> Result<()> {
     let evaluator = Evaluator::new(Options::new(device));
     slide(document, &evaluator, runs, registry, "relight", SLIDERS)?;
-    slide(document, &evaluator, runs, registry, "synthesize_shadow", RATIO_SLIDERS)
+    slide(document, &evaluator, runs, registry, "synthesize_shadow", RATIO_SLIDERS)?;
+    slide(document, &evaluator, runs, registry, "integrate", SHADOW_SLIDERS)
 }
 
 /// `kind`: of the node that is waited for, the first of its kind in the recipe.
@@ -55,12 +67,12 @@ fn slide(
         let target = plan.find(&target).expect("it was there");
         evaluator.evaluate(&plan, &[target], plan.frames[0], &context, &mut Vec::new()).map(drop)
     };
-    let slid: Vec<(String, &str, f64, f64)> = document
+    let slid: Vec<(String, &str, Json, f64)> = document
         .nodes
         .iter()
         .filter_map(|(name, entry)| {
             let (_, param, step) = sliders.iter().find(|(kind, ..)| *kind == entry.kind)?;
-            Some((name.clone(), *param, entry.params.get(*param)?.as_f64()?, *step))
+            Some((name.clone(), *param, entry.params.get(*param)?.clone(), *step))
         })
         .collect();
     for (name, param, start, step) in slid {
@@ -69,14 +81,25 @@ fn slide(
         let set = |document: &mut Document, value: Json| document.set(&format!("{name}.{param}={value}"));
         let (median, best) = measure(runs, || {
             turn += 1;
-            let moved = set(document, json!(start + step * f64::from(turn))).and_then(|()| render(document));
+            let moved = set(document, stepped(&start, step * f64::from(turn))).and_then(|()| render(document));
             if let Err(error) = moved {
                 failure = Err(error);
             }
         });
         failure?;
-        set(document, json!(start))?;
+        set(document, start.clone())?;
         print(&format!("{:<60} {median:>8.1} {best:>8.1}\n", format!("{target}: {name}.{param} slid")));
     }
     Ok(())
+}
+
+/// A number that much further; of several, the first.
+fn stepped(start: &Json, by: f64) -> Json {
+    match start {
+        Json::Array(all) => {
+            let first = all.first().map(|first| stepped(first, by));
+            first.into_iter().chain(all.iter().skip(1).cloned()).collect()
+        }
+        number => json!(number.as_f64().unwrap_or_default() + by),
+    }
 }

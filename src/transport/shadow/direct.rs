@@ -24,6 +24,12 @@ impl DirectTransport {
     }
 }
 
+/// How many points lie on surfaces that reflect more than diffuse light.
+pub fn glossy(materials: &[Material], points: &[SurfacePoint]) -> usize {
+    let polished: Vec<bool> = materials.iter().map(|found| found.gloss()[..3].iter().any(|x| *x > 0.0)).collect();
+    points.iter().filter(|point| polished.get(point.material as usize) == Some(&true)).count()
+}
+
 /// What surfaces at points emit; empty when none of the materials there emits anything.
 pub fn emission(materials: &[Material], points: &[SurfacePoint]) -> Vec<[f32; 4]> {
     let of = |point: &SurfacePoint| materials.get(point.material as usize).map_or([0.0; 3], |found| found.emission);

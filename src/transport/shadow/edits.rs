@@ -48,6 +48,13 @@ pub enum ShadowChange {
     Tint { amount: f32, colour: Vec3 },
 }
 
+impl ShadowChange {
+    /// It changes each direction by itself, and looks nowhere else.
+    pub fn is_pointwise(&self) -> bool {
+        matches!(self, Self::Fade { .. } | Self::Gradient { .. } | Self::Tint { .. })
+    }
+}
+
 impl Visibility {
     /// The same, with one more edit at the end of its list.
     ///

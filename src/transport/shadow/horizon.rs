@@ -14,7 +14,7 @@ pub fn above(normal: Vec3, face: usize, x: usize, y: usize, size: usize) -> bool
 /// Hands `each` the runs of texels above the horizon, in order; none for a normal of 0.
 ///
 /// The height over the horizon is linear over a face, and rises or falls along every line of texels, rounding included:
-/// two ends tell of a line whether it is cut, and a binary search where.
+/// two ends tell of a line whether it is cut, and about where.
 pub fn spans(normal: Vec3, face: usize, size: usize, mut each: impl FnMut(Range<usize>)) {
     let last = size - 1;
     match [(0, 0), (last, 0), (0, last), (last, last)].map(|(x, y)| above(normal, face, x, y, size)) {
@@ -24,7 +24,7 @@ pub fn spans(normal: Vec3, face: usize, size: usize, mut each: impl FnMut(Range<
     }
     let mut span = 0..0;
     for y in 0..size {
-        let open = line(normal, face, y, size);
+        let open = Ramp::new(normal, face, y, size).above();
         let open = y * size + open.start..y * size + open.end;
         if open.start == span.end {
             span.end = open.end;
@@ -40,24 +40,59 @@ pub fn spans(normal: Vec3, face: usize, size: usize, mut each: impl FnMut(Range<
     }
 }
 
-/// The columns of a line that are above the horizon.
-fn line(normal: Vec3, face: usize, y: usize, size: usize) -> Range<usize> {
-    let is_above = |x: usize| above(normal, face, x, y, size);
-    // The first column of those from 1 on that is not as column 0.
-    let change = || {
-        let (mut low, mut high) = (0, size - 1);
-        let first = is_above(0);
-        while high - low > 1 {
-            let middle = (low + high) / 2;
-            if is_above(middle) == first { low = middle } else { high = middle }
+/// The height over the horizon along a line of texels: `(before + u slope) + behind`, which rounds as the dot product of
+/// `above` does.
+struct Ramp {
+    before: f32,
+    slope: f32,
+    behind: f32,
+    /// Texels along a side, and 1 over it, which is exact.
+    size: usize,
+    step: f32,
+}
+
+impl Ramp {
+    #[inline]
+    fn new(normal: Vec3, face: usize, y: usize, size: usize) -> Self {
+        let (axis, sign) = cube::axis(face);
+        let (v, [a, b, c]) = (cube::middle(y, size), normal.to_array());
+        let (before, slope, behind) = match axis {
+            0 => (sign * a, b, v * c),
+            1 => (v * a + sign * b, c, 0.0),
+            _ => (v * b, a, sign * c),
+        };
+        Self { before, slope, behind, size, step: 1.0 / size as f32 }
+    }
+
+    #[inline]
+    fn at(&self, x: usize) -> f32 {
+        let u = (2 * x + 1) as f32 * self.step - 1.0;
+        (self.before + u * self.slope) + self.behind
+    }
+
+    /// The columns above the horizon.
+    #[inline]
+    fn above(&self) -> Range<usize> {
+        let size = self.size;
+        let (first, last) = (self.at(0), self.at(size - 1));
+        // The first column of those from 1 on that is not as column 0: where a straight line says, or near it.
+        let change = || {
+            let above = first > 0.0;
+            let mut x = ((first / (first - last) * (size - 1) as f32) as usize).clamp(1, size - 1);
+            while x > 1 && (self.at(x - 1) > 0.0) != above {
+                x -= 1;
+            }
+            while x < size - 1 && (self.at(x) > 0.0) == above {
+                x += 1;
+            }
+            x
+        };
+        match (first > 0.0, last > 0.0) {
+            (true, true) => 0..size,
+            (false, false) => 0..0,
+            (true, false) => 0..change(),
+            (false, true) => change()..size,
         }
-        high
-    };
-    match (is_above(0), is_above(size - 1)) {
-        (true, true) => 0..size,
-        (false, false) => 0..0,
-        (true, false) => 0..change(),
-        (false, true) => change()..size,
     }
 }
 

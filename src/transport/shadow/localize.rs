@@ -29,7 +29,7 @@ const LEAST: f64 = 0.01;
 /// Share of the environment's light, below which what samples miss is hardly a shadow.
 const FAINT: f64 = 0.001;
 /// A texel that holds more than this share of a light is too large for it.
-const COARSE: f64 = 0.2;
+pub const COARSE: f64 = 0.2;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Settings<'a> {

@@ -9,6 +9,7 @@
 //! haar        shadows of a face in a Haar basis, truncated
 //! visibility  what samples see of the cube's faces, per group of objects, and its edits
 //! bake        from surfaces to the rows of visibility
+//! blind       samples that see nothing
 //! together    groups as one; the mean shadow of some samples
 //! direct      what light would do without shadows: an environment, and the samples it falls on
 //! tables      an environment made ready to be summed over rows
@@ -20,6 +21,7 @@
 
 pub mod antialias;
 pub mod bake;
+pub mod blind;
 pub mod direct;
 pub mod edited;
 pub mod edits;

@@ -49,6 +49,8 @@ pub struct Visibility {
     pub basis: Basis,
     /// Of rows in a Haar basis.
     pub truncation: Truncation,
+    /// Directions without light were left out, as if nothing hid them.
+    pub lit_only: bool,
     /// A sample sees what no group hides. The last group holds all objects that no other does.
     pub groups: Vec<Group>,
     /// In order.

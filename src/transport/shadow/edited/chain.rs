@@ -3,8 +3,9 @@
 
 use super::taps::{Gaussian, bilinear};
 use crate::kernels::shadow_filter::{Filter, Slot, Tap};
+use crate::scene::Environment;
 use crate::scene::cube::{self, FACES};
-use crate::transport::shadow::{ShadowChange, ShadowEdit};
+use crate::transport::shadow::{ShadowChange, ShadowEdit, Visibility};
 use glam::Quat;
 use rayon::prelude::*;
 
@@ -30,6 +31,23 @@ pub fn reach<'a>(edits: impl Iterator<Item = &'a ShadowEdit>, size: usize) -> Ve
         }
     }
     (0..reached.len() as u32).filter(|&texel| reached[texel as usize]).collect()
+}
+
+/// Directions that edits look at, of those that were never baked because no light comes from them.
+pub fn unbaked(visibility: &Visibility, environment: &Environment) -> usize {
+    let lit = |texel: &u32| environment.radiance[*texel as usize][..3].iter().any(|x| *x > 0.0);
+    if !visibility.lit_only || (0..environment.radiance.len() as u32).all(|texel| lit(&texel)) {
+        return 0;
+    }
+    let looks = |edit: &&ShadowEdit| !edit.change.is_pointwise();
+    let dark = visibility.edits.iter().filter(looks).flat_map(|edit| {
+        let mut after = reach([edit].into_iter(), visibility.size);
+        after.retain(lit);
+        let (mut before, _) = steps_of(edit, visibility.size, &after);
+        before.retain(|texel| !lit(texel));
+        before
+    });
+    dark.collect::<std::collections::HashSet<u32>>().len()
 }
 
 impl Chain {

@@ -6,23 +6,30 @@
 //! chain, taps edits that look elsewhere, compiled to filters over directions
 //! read        baked shadows at some directions
 //! directions  any edit, direction by direction, at the samples and directions where it acts
+//! tile, field the same for a few samples, which share what is hidden from any of them
 //! ```
 
 pub mod amounts;
 pub mod chain;
 pub mod directions;
+mod field;
 mod read;
 mod sums;
 mod taps;
+mod tile;
 
 use super::integrate::Stage;
+use super::{Visibility, horizon};
 use crate::Result;
+use crate::device::Device;
 use crate::memo::Key;
 use crate::progress::Progress;
+use crate::scene::Environment;
+use crate::scene::cube::FACES;
 use directions::Directions;
 use rayon::prelude::*;
 use std::sync::Arc;
-use sums::{Sums, is_pointwise};
+use sums::Sums;
 
 /// Irradiance at each sample with all edits of the visibility; W/m², RGB. Samples where no edit does anything keep every
 /// bit.
@@ -33,7 +40,8 @@ pub fn irradiance(stage: &Stage, progress: Progress) -> Result<Vec<[f32; 4]>> {
     let visibility = stage.visibility;
     let mut light = unedited(stage)?.to_vec();
     let amounts: Vec<Arc<Vec<f32>>> = (0..visibility.edits.len()).map(|e| amount(stage, e)).collect::<Result<_>>()?;
-    let wide: Vec<usize> = (0..visibility.edits.len()).filter(|&e| !is_pointwise(&visibility.edits[e])).collect();
+    let wide: Vec<usize> =
+        (0..visibility.edits.len()).filter(|&e| !visibility.edits[e].change.is_pointwise()).collect();
     let energy = |texel: &u32| stage.transport.environment.radiance[*texel as usize][..3].iter().any(|x| *x > 0.0);
     let mut outputs = chain::reach(wide.iter().map(|&e| &visibility.edits[e]), visibility.size);
     let acts = |edits: &[usize], sample: usize| edits.iter().any(|&e| amounts[e][sample] != 0.0);
@@ -57,6 +65,41 @@ pub fn irradiance(stage: &Stage, progress: Progress) -> Result<Vec<[f32; 4]>> {
         }
     }
     Ok(light)
+}
+
+/// What samples see of each direction with all edits, RGB in [0, 1]: means with the weights of a selection at the samples,
+/// 6 n n texels. Directions below a sample's horizon count as hidden.
+///
+/// # Errors
+/// As `Visibility::blocked`; what the device meets; `Cancelled`.
+pub fn seen(device: &Device, progress: Progress, visibility: &Visibility, weights: &[f32]) -> Result<Vec<[f32; 3]>> {
+    let (size, points) = (visibility.size, &visibility.samples.points);
+    let blocked = visibility.blocked(weights)?;
+    let chosen = (0..points.len()).filter(|&i| weights[i] > 0.0 && points[i].exists());
+    let total: f64 = chosen.clone().map(|i| f64::from(weights[i])).sum();
+    let samples: Vec<(u32, f32)> = chosen.map(|i| (i as u32, (f64::from(weights[i]) / total) as f32)).collect();
+    let mut seen: Vec<[f32; 3]> = blocked.iter().map(|blocked| [-blocked; 3]).collect();
+    for &(sample, weight) in &samples {
+        for face in 0..FACES {
+            let first = face * size * size;
+            horizon::spans(points[sample as usize].normal.into(), face, size, |span| {
+                seen[first + span.start..first + span.end].iter_mut().flatten().for_each(|seen| *seen += weight);
+            });
+        }
+    }
+    if !visibility.edits.is_empty() {
+        let all = (0..seen.len() as u32).collect();
+        let dark = Environment::new(size, vec![[0.0; 4]; seen.len()])?;
+        let amounts = visibility.edits.iter().map(|edit| {
+            let selected = amounts::selected(edit, points);
+            Arc::new(amounts::amounts(edit, points, &selected))
+        });
+        let amounts: Vec<Arc<Vec<f32>>> = amounts.collect();
+        let opened = Directions::new(visibility, &dark, all).opened(device, progress, &samples, &amounts)?;
+        seen.iter_mut().flatten().zip(opened.iter().flatten()).for_each(|(seen, opened)| *seen += opened);
+    }
+    seen.iter_mut().flatten().for_each(|seen| *seen = seen.clamp(0.0, 1.0));
+    Ok(seen)
 }
 
 /// Kept: sliders of edits do not change it.

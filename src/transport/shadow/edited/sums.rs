@@ -15,7 +15,7 @@ use crate::device::Array;
 use crate::memo::Key;
 use crate::scene::cube::FACES;
 use crate::transport::shadow::integrate::Stage;
-use crate::transport::shadow::{ShadowChange, ShadowEdit, Visibility};
+use crate::transport::shadow::{ShadowEdit, Visibility};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -23,11 +23,6 @@ use std::sync::Arc;
 
 /// Sums over all rows at most; beyond, direction by direction is cheaper.
 const MOST: usize = 64;
-
-/// An edit that changes each direction by itself.
-pub fn is_pointwise(edit: &ShadowEdit) -> bool {
-    matches!(edit.change, ShadowChange::Fade { .. } | ShadowChange::Gradient { .. } | ShadowChange::Tint { .. })
-}
 
 /// Directions in which every lamp has one weight.
 struct Region {
@@ -56,7 +51,7 @@ impl<'a> Sums<'a> {
     pub fn new(stage: &'a Stage<'a>, wide: &[u32]) -> Result<Option<Self>> {
         let visibility = stage.visibility;
         let list = &visibility.edits;
-        let edits: Vec<usize> = (0..list.len()).filter(|&e| is_pointwise(&list[e])).collect();
+        let edits: Vec<usize> = (0..list.len()).filter(|&e| list[e].change.is_pointwise()).collect();
         let named = |g: &usize| edits.iter().any(|&e| list[e].group.as_deref() == Some(&visibility.groups[*g].name));
         let groups: Vec<usize> = (0..visibility.groups.len()).filter(named).collect();
         let ids: Vec<u64> = edits.iter().map(|&e| list[e].lamp.as_ref().map_or(0, |lamp| lamp.weights.id())).collect();

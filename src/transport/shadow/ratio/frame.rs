@@ -44,11 +44,13 @@ pub struct Look {
 
 /// The finest step between look-ups, in pixels: what rounding moves by less does not move.
 const GRID: f64 = 4096.0;
+const NO_FRACTION: f64 = 1.5 * (1u64 << 52) as f64;
 
 /// The look-up of one pixel; `None`: there is no shadow there.
 pub fn place(units: Units, look: Option<Look>) -> Place {
     let Some(look) = look else { return Place::NOWHERE };
-    let at = ((look.at * units.0 - 0.5) * GRID).round() / GRID;
+    // Rounded as adding a number does that leaves no room for a fraction: no call of the library.
+    let at = (((look.at * units.0 - 0.5) * GRID) + NO_FRACTION - NO_FRACTION) / GRID;
     let furthest = 0.5 * f64::from(Place::FURTHEST);
     if !at.is_finite() || at.abs().max_element() >= furthest {
         return Place::NOWHERE;
@@ -72,16 +74,32 @@ pub fn place(units: Units, look: Option<Look>) -> Place {
     place
 }
 
-/// The ratio with each pixel looked up where `look(x, y)` says.
-pub fn warp(device: &Device, ratio: &Ratio, places: &[Place]) -> Result<Ratio> {
-    Ok(ratio.with(ratio_warp(device, &ratio.values, ratio.width, places)?))
-}
+/// Rows of pixels that one task looks up: what it needs stays in the processor's cache.
+const ROWS: usize = 16;
 
-/// One place for each pixel.
-pub fn places(ratio: &Ratio, units: Units, look: impl Fn(usize, usize) -> Option<Look> + Sync) -> Vec<Place> {
-    let mut places = vec![Place::NOWHERE; ratio.width * ratio.height];
-    places.par_chunks_mut(ratio.width.max(1)).enumerate().for_each(|(y, row)| {
-        row.iter_mut().enumerate().for_each(|(x, out)| *out = place(units, look(x, y)));
-    });
-    places
+/// The ratio with each pixel looked up elsewhere: `fill` sets the places of the rows from a first one on.
+///
+/// # Errors
+/// What the device meets.
+pub fn warp(device: &Device, ratio: &Ratio, fill: impl Fn(usize, &mut [Place]) + Sync) -> Result<Ratio> {
+    let (values, width) = (&ratio.values, ratio.width.max(1));
+    let mut warped = vec![[0.0; 4]; ratio.width * ratio.height];
+    match device {
+        Device::Cpu => warped.par_chunks_mut(ROWS * width).enumerate().try_for_each_init(
+            || vec![Place::NOWHERE; ROWS * width],
+            |places, (block, warped)| {
+                let places = &mut places[..warped.len()];
+                fill(block * ROWS, places);
+                ratio_warp(device, values, ratio.width, places, warped)
+            },
+        )?,
+        #[cfg(feature = "gpu")]
+        Device::Gpu(_) => {
+            let mut places = vec![Place::NOWHERE; warped.len()];
+            let blocks = places.par_chunks_mut(ROWS * width).enumerate();
+            blocks.for_each(|(block, places)| fill(block * ROWS, places));
+            ratio_warp(device, values, ratio.width, &places, &mut warped)?;
+        }
+    }
+    Ok(ratio.with(warped))
 }

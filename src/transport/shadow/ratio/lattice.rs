@@ -12,7 +12,7 @@ use crate::device::Device;
 use crate::kernels::ratio_warp::Place;
 use crate::{Error, Result};
 use glam::{DMat2, DVec2};
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Cells along a side at most.
 pub const MOST: usize = 64;
@@ -54,25 +54,20 @@ impl Lattice {
         let cells = self.cells();
         let rest = Self::rest(self.rows, self.columns, self.frame);
         let folded = cells.iter().filter(|corners| self.is_folded(corners)).count();
-        let width = ratio.width.max(1);
-        let mut places = vec![Place::NOWHERE; ratio.width * ratio.height];
-        let blocks = places.par_chunks_mut(width * ROWS).enumerate();
-        let doubled = blocks.map(|(block, places)| {
+        let width = ratio.width;
+        let doubled = AtomicUsize::new(0);
+        let bent = warp(device, ratio, |first, places| {
             // A row and the one below it, which tells how far apart they look.
             let map = |y| self.row(&cells, &rest, units, y, width);
-            let mut row = map(block * ROWS);
-            let mut doubled = 0;
+            let mut row = map(first);
             for (k, places) in places.chunks_mut(width).enumerate() {
-                let y = block * ROWS + k;
-                let below = map(y + 1);
-                self.places(&cells, &rest, units, y, [&row, &below], places);
-                doubled += row.doubled;
+                let below = map(first + k + 1);
+                self.places(&cells, &rest, units, first + k, [&row, &below], places);
+                doubled.fetch_add(row.doubled, Ordering::Relaxed);
                 row = below;
             }
-            doubled
-        });
-        let doubled = doubled.sum();
-        Ok((warp(device, ratio, &places)?, Told { folded, doubled }))
+        })?;
+        Ok((bent, Told { folded, doubled: doubled.into_inner() }))
     }
 
     /// # Errors
@@ -183,9 +178,6 @@ struct Row {
 }
 
 const NONE: usize = usize::MAX;
-
-/// Rows of pixels that one task fills.
-const ROWS: usize = 16;
 
 /// For differences, in units of the picture: far below a pixel, far above the rounding of positions.
 const STEP: f64 = 1e-5;

@@ -1,7 +1,7 @@
 //! Moves a shadow as a picture: translate, rotate, scale, and a projective map by four corners (thesis 6.7.5).
 
 use super::Ratio;
-use super::frame::{Look, Units, places, warp};
+use super::frame::{Look, Units, place, warp};
 use crate::device::Device;
 use crate::{Error, Result};
 use glam::{DMat2, DMat3, DVec2, DVec3};
@@ -24,8 +24,12 @@ const CORNERS: [&str; 4] = ["upper left", "upper right", "lower right", "lower l
 impl Transform {
     pub fn apply(&self, device: &Device, ratio: &Ratio, units: Units) -> Result<Ratio> {
         let source = self.inverse(units.size(ratio))?;
-        let look = |x: usize, y: usize| look(&source, units.of_pixel(x, y));
-        warp(device, ratio, &places(ratio, units, look))
+        warp(device, ratio, |first, places| {
+            for (i, out) in places.iter_mut().enumerate() {
+                let at = units.of_pixel(i % ratio.width, first + i / ratio.width);
+                *out = place(units, look(&source, at));
+            }
+        })
     }
 
     /// From points of the result to points of the source, homogeneous; positive where they can be seen.
