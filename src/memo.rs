@@ -1,7 +1,7 @@
 //! Keys that name values by what they were computed from, and intermediate results that are kept under them.
 
 use crate::Result;
-use crate::stored::{SectionReader, SectionWriter, Stored};
+use crate::stored::{MAPPED, SectionReader, SectionWriter, Stored};
 use std::any::Any;
 use std::sync::Arc;
 
@@ -79,7 +79,8 @@ impl dyn Memo + '_ {
         Ok(value)
     }
 
-    /// As `remember`, for what is dear to compute: looks into the disk cache too, and leaves the result there.
+    /// As `remember`, for what is dear to compute: looks into the disk cache too, and leaves the result there. Large
+    /// parts of it then lie in the file and no more in memory (`stored::MAPPED`).
     pub fn keep<T: Stored + Send + Sync + 'static>(
         &self,
         key: Key,
@@ -99,7 +100,15 @@ impl dyn Memo + '_ {
             let mut sections = SectionWriter::default();
             value.write(&mut sections);
             self.save(key, &sections)?;
-            Ok(value)
+            let is_large = sections.sections.iter().any(|section| section.len() as u64 >= MAPPED);
+            // What is large leaves memory for the file that it has just been written to.
+            let mut spilled = None;
+            let sound = is_large
+                && self.load(key, &mut |sections| {
+                    spilled = T::read(sections);
+                    spilled.as_ref().map(|_| ())
+                });
+            Ok(spilled.filter(|_| sound).unwrap_or(value))
         })
     }
 }

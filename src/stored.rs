@@ -3,9 +3,14 @@
 //! A type that is worth keeping implements `Stored` and gets an arm in `Value::write` and `Value::read`. Not for
 //! interchange: entries are of this machine's byte order, and are dropped when the code that computes them changes.
 
+use crate::device::Array;
+use memmap2::MmapOptions;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
+
+/// Bytes of a section from which on it stays in its file.
+pub const MAPPED: u64 = 64 << 20;
 
 pub trait Stored {
     fn write<'a>(&'a self, sections: &mut SectionWriter<'a>);
@@ -78,6 +83,25 @@ impl<'a> SectionReader<'a> {
         self.file.seek(SeekFrom::Start(section.offset)).ok()?;
         self.file.read_exact(place).ok()?;
         (checksum(place) == section.checksum).then_some(data)
+    }
+
+    /// As `vec`. A large section stays in its file and is mapped: it takes no memory that others could need.
+    pub fn array<T: bytemuck::Pod>(&mut self) -> Option<Array<T>> {
+        let section = *self.sections.as_slice().first()?;
+        if section.bytes < MAPPED {
+            return self.vec().map(Array::from);
+        }
+        let length = usize::try_from(section.bytes).ok()?;
+        // SAFETY: entries of the cache are renamed into place and removed, but never written to.
+        let map = unsafe { MmapOptions::new().offset(section.offset).len(length).map(&*self.file) };
+        let Ok(map) = map else { return self.vec().map(Array::from) };
+        self.sections.next();
+        let sound = checksum(&map) == section.checksum;
+        // The pages that were read may go; they come back as they are needed.
+        // SAFETY: nothing is written to the map, so that nothing is lost.
+        #[cfg(unix)]
+        let _ = unsafe { map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
+        Array::mapped(map).filter(|_| sound)
     }
 
     pub fn value<T: serde::de::DeserializeOwned>(&mut self) -> Option<T> {

@@ -268,6 +268,27 @@ mod tests {
         assert_eq!(get(&disk, 1), Found::Value(data), "replaced");
     }
 
+    /// Large arrays stay in their file: they outlive its removal, and damage is noticed as ever.
+    #[test]
+    fn large_arrays_are_mapped() {
+        let folder = tempfile::tempdir().unwrap();
+        let disk = Disk::open(folder.path(), 1 << 30).unwrap();
+        let data: Vec<u32> =
+            (0..(crate::stored::MAPPED / 4) as u32 + 5).map(|x| x.wrapping_mul(2_654_435_761)).collect();
+        put(&disk, 1, bytemuck::cast_slice(&data));
+        let array = || disk.get(key(1), |sections| sections.value::<usize>().and_then(|_| sections.array::<u32>()));
+        let Found::Value(found) = array() else { panic!("it was put") };
+        assert!(found.is_mapped() && found.clone()[..] == data[..]);
+        let before = std::fs::read(disk.path(key(1))).unwrap();
+        let mut bad = before.clone();
+        let at = before.len() - 100;
+        bad[at] ^= 1;
+        std::fs::remove_file(disk.path(key(1))).unwrap();
+        assert!(found[..] == data[..]);
+        std::fs::write(disk.path(key(1)), &bad).unwrap();
+        assert!(matches!(array(), Found::Damaged));
+    }
+
     #[test]
     fn the_entry_unread_for_longest_goes_first() {
         let folder = tempfile::tempdir().unwrap();

@@ -69,7 +69,7 @@ pub(super) fn write_rows<'a>(rows: &'a SparseRows, sections: &mut SectionWriter<
 
 pub(super) fn read_rows(sections: &mut SectionReader) -> Option<SparseRows> {
     let (index_bits, signed) = sections.value()?;
-    let (offsets, entries, scale): (Vec<u32>, Vec<u32>, Vec<f32>) = (sections.vec()?, sections.vec()?, sections.vec()?);
+    let (offsets, entries, scale) = (sections.vec::<u32>()?, sections.array::<u32>()?, sections.vec::<f32>()?);
     SparseRows::new(offsets, entries, scale, EntryFormat { index_bits, signed }).ok()
 }
 

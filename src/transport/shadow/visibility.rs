@@ -219,7 +219,7 @@ impl Stored for Rows {
 
     fn read(sections: &mut SectionReader) -> Option<Self> {
         let (size, basis, index_bits, signed): (usize, Option<HaarBasis>, u32, bool) = sections.value()?;
-        let (offsets, words): (Vec<u32>, Vec<u32>) = (sections.vec()?, sections.vec()?);
+        let (offsets, words) = (sections.vec::<u32>()?, sections.array::<u32>()?);
         let data = match basis {
             None => Data::Runs(Runs::new(size, offsets, words).ok()?),
             Some(basis) => {
