@@ -3,8 +3,7 @@
 //! A type that is worth keeping implements `Stored` and gets an arm in `Value::write` and `Value::read`. Not for
 //! interchange: entries are of this machine's byte order, and are dropped when the code that computes them changes.
 
-use crate::device::Array;
-use memmap2::MmapOptions;
+use memmap2::{Mmap, MmapOptions};
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -85,23 +84,22 @@ impl<'a> SectionReader<'a> {
         (checksum(place) == section.checksum).then_some(data)
     }
 
-    /// As `vec`. A large section stays in its file and is mapped: it takes no memory that others could need.
-    pub fn array<T: bytemuck::Pod>(&mut self) -> Option<Array<T>> {
-        let section = *self.sections.as_slice().first()?;
-        if section.bytes < MAPPED {
-            return self.vec().map(Array::from);
-        }
+    /// The next section as pages of its file, if it is large and sound: it takes no memory that others could need.
+    /// Otherwise `None`, and the section is still to be taken.
+    pub fn map(&mut self) -> Option<Mmap> {
+        let section = *self.sections.as_slice().first().filter(|section| section.bytes >= MAPPED)?;
         let length = usize::try_from(section.bytes).ok()?;
         // SAFETY: entries of the cache are renamed into place and removed, but never written to.
-        let map = unsafe { MmapOptions::new().offset(section.offset).len(length).map(&*self.file) };
-        let Ok(map) = map else { return self.vec().map(Array::from) };
-        self.sections.next();
-        let sound = checksum(&map) == section.checksum;
+        let map = unsafe { MmapOptions::new().offset(section.offset).len(length).map(&*self.file) }.ok()?;
+        if checksum(&map) != section.checksum {
+            return None;
+        }
         // The pages that were read may go; they come back as they are needed.
         // SAFETY: nothing is written to the map, so that nothing is lost.
         #[cfg(unix)]
         let _ = unsafe { map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
-        Array::mapped(map).filter(|_| sound)
+        self.sections.next();
+        Some(map)
     }
 
     pub fn value<T: serde::de::DeserializeOwned>(&mut self) -> Option<T> {

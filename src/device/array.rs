@@ -1,5 +1,6 @@
 //! Host memory with an identity, so that the GPU uploads it once and finds it again.
 
+use crate::stored::SectionReader;
 use memmap2::Mmap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -49,6 +50,14 @@ impl<T: bytemuck::Pod> Array<T> {
             owner: Arc::new(Owner::Mapped { _pages: map }),
             id: NEXT.fetch_add(1, Ordering::Relaxed),
         })
+    }
+
+    /// The next section of an entry of the disk cache; a large one stays in its file.
+    pub fn read(sections: &mut SectionReader) -> Option<Self> {
+        match sections.map() {
+            Some(map) => Self::mapped(map),
+            None => sections.vec().map(Self::from),
+        }
     }
 }
 

@@ -276,7 +276,11 @@ mod tests {
         let data: Vec<u32> =
             (0..(crate::stored::MAPPED / 4) as u32 + 5).map(|x| x.wrapping_mul(2_654_435_761)).collect();
         put(&disk, 1, bytemuck::cast_slice(&data));
-        let array = || disk.get(key(1), |sections| sections.value::<usize>().and_then(|_| sections.array::<u32>()));
+        let array = || {
+            disk.get(key(1), |sections| {
+                sections.value::<usize>().and_then(|_| crate::device::Array::<u32>::read(sections))
+            })
+        };
         let Found::Value(found) = array() else { panic!("it was put") };
         assert!(found.is_mapped() && found.clone()[..] == data[..]);
         let before = std::fs::read(disk.path(key(1))).unwrap();

@@ -1,5 +1,6 @@
 //! A transfer in the disk cache, with the view samples that it is for.
 
+use crate::device::Array;
 use crate::scene::{Camera, Fingerprint};
 use crate::stored::{SectionReader, SectionWriter, Stored};
 use crate::transport::atlas::Atlas;
@@ -69,7 +70,7 @@ pub(super) fn write_rows<'a>(rows: &'a SparseRows, sections: &mut SectionWriter<
 
 pub(super) fn read_rows(sections: &mut SectionReader) -> Option<SparseRows> {
     let (index_bits, signed) = sections.value()?;
-    let (offsets, entries, scale) = (sections.vec::<u32>()?, sections.array::<u32>()?, sections.vec::<f32>()?);
+    let (offsets, entries, scale) = (sections.vec::<u32>()?, Array::<u32>::read(sections)?, sections.vec::<f32>()?);
     SparseRows::new(offsets, entries, scale, EntryFormat { index_bits, signed }).ok()
 }
 

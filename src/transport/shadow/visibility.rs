@@ -7,6 +7,7 @@
 use super::ShadowEdit;
 use super::haar::{self, HaarBasis, Truncation};
 use super::horizon;
+use crate::device::Array;
 use crate::scene::cube::FACES;
 use crate::stored::{SectionReader, SectionWriter, Stored};
 use crate::transport::Samples;
@@ -219,7 +220,7 @@ impl Stored for Rows {
 
     fn read(sections: &mut SectionReader) -> Option<Self> {
         let (size, basis, index_bits, signed): (usize, Option<HaarBasis>, u32, bool) = sections.value()?;
-        let (offsets, words) = (sections.vec::<u32>()?, sections.array::<u32>()?);
+        let (offsets, words) = (sections.vec::<u32>()?, Array::<u32>::read(sections)?);
         let data = match basis {
             None => Data::Runs(Runs::new(size, offsets, words).ok()?),
             Some(basis) => {
