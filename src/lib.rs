@@ -12,9 +12,10 @@
 //! device/  Cpu | Gpu; the only folder that names wgpu
 //! image/   layers, EXR, PNG, comparison metrics
 //! cli/     one file per subcommand
+//! editor/  the window: session, undo, evaluation off its thread
 //! ```
 //!
-//! Dependencies point one way: `cli -> eval -> graph -> node`; `cli, nodes -> transport, scene, image, kernels`;
+//! Dependencies point one way: `cli -> editor -> eval -> graph -> node`; `cli, nodes -> transport, scene, image, kernels`;
 //! `node -> value -> transport, scene, image` (what travels on wires). `transport` lies on both sides of the kernels: what
 //! a transfer is made of (`cluster`, `gather`, `sampling`, `sparse`) is their input, the rest calls them. So:
 //! `transport -> kernels -> transport's data -> scene -> device`. `tests/architecture.rs` guards it.
@@ -22,6 +23,8 @@
 pub mod atomic;
 pub mod cli;
 pub mod device;
+#[cfg(feature = "editor")]
+pub mod editor;
 pub mod error;
 pub mod eval;
 pub mod graph;

@@ -8,6 +8,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     (
         "cli",
         &[
+            "editor",
             "eval",
             "graph",
             "node",
@@ -22,6 +23,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "device",
         ],
     ),
+    ("editor", &["eval", "graph", "node", "nodes", "params", "value", "image", "scene", "transport", "device"]),
     ("eval", &["graph", "node", "params", "value", "device"]),
     ("nodes", &["node", "params", "value", "transport", "scene", "image", "kernels", "device"]),
     // An error carries the problems of a graph; the one knot, because everyone may name errors.

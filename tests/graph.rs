@@ -197,3 +197,41 @@ fn targets_are_the_writers_or_what_is_named() {
     let none = self::plan(r#"{"chiaro": 1, "nodes": {"a": {"type": "flat"}}}"#).unwrap();
     assert_eq!(none.targets(&[]).unwrap_err().exit_code(), 2);
 }
+
+/// What is muted is passed by, in every way that wires can lead past it.
+#[test]
+fn muted_nodes_are_passed_by() {
+    let recipe = |muted: [bool; 3], scene_of_wall: &str| {
+        let text = serde_json::json!({ "chiaro": 1, "nodes": {
+            "room": { "type": "scene", "params": { "file": "builtin:room" } },
+            "red": { "type": "material", "inputs": { "scene": "room" }, "muted": muted[0] },
+            "blue": { "type": "material", "inputs": { "scene": "red" }, "muted": muted[1] },
+            "wall": { "type": "pick", "inputs": { "scene": scene_of_wall } },
+            "brush": { "type": "source_brush", "inputs": { "selection": "wall" }, "muted": muted[2] },
+            "more": { "type": "source_brush", "inputs": { "selection": "wall", "edits": "brush" } },
+        }});
+        Document::parse(Path::new("test.json"), &text.to_string()).unwrap()
+    };
+    let source = |plan: &Plan, node: &str, port: usize| {
+        let step = &plan.steps[plan.find(node).unwrap()];
+        step.inputs[port].map(|wire| plan.steps[wire.step].name.clone())
+    };
+    let plan = |muted| Plan::new(&recipe(muted, "blue"), chiaro::nodes::ALL).unwrap();
+    assert_eq!(source(&plan([false; 3]), "wall", 0).as_deref(), Some("blue"));
+    assert_eq!(source(&plan([false, true, false]), "wall", 0).as_deref(), Some("red"));
+    assert_eq!(source(&plan([true, true, false]), "wall", 0).as_deref(), Some("room"));
+    // An optional input of what passes nothing on is not connected.
+    let muted = plan([false, false, true]);
+    let more = &muted.steps[muted.find("more").unwrap()];
+    let port = more.node_type.info.inputs.iter().position(|port| port.name == "edits").unwrap();
+    assert_eq!(more.inputs[port], None);
+    assert!(muted.targets(&["brush".to_owned()]).unwrap_err().to_string().contains("muted"));
+    // A required one is a problem, with its place.
+    let mut document = recipe([false; 3], "room");
+    document.nodes["room"].muted = true;
+    let error = Plan::new(&document, chiaro::nodes::ALL).err().unwrap();
+    assert!(error.to_string().contains("takes from \"room\", which is muted"), "{error}");
+    // And it is part of the recipe.
+    let written = recipe([true, false, false], "red").to_text();
+    assert!(written.contains("\"muted\": true") && !written.contains("\"muted\": false"), "{written}");
+}

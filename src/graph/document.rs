@@ -4,7 +4,8 @@
 use super::migrate;
 use super::pretty;
 use super::problem::Problem;
-use super::source::{Part, Source, child};
+use super::read::Reader;
+use super::source::{Part, Source};
 use crate::names::suggest;
 use crate::{Error, Result};
 use indexmap::IndexMap;
@@ -20,8 +21,22 @@ pub struct NodeEntry {
     pub params: Map<String, Json>,
     /// Port to `"node"` or `"node.port"`.
     pub inputs: IndexMap<String, String>,
+    /// Left out: what takes from it takes from its own input of the same kind instead (see `Plan`).
+    pub muted: bool,
+    /// Fields that this version does not know; written back as they are.
+    pub other: Map<String, Json>,
 }
 
+/// A frame with words on it, behind the nodes of the editor.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Comment {
+    pub text: String,
+    /// Upper left corner, in the units of `layout`.
+    pub at: [f64; 2],
+    pub size: [f64; 2],
+}
+
+#[derive(Clone)]
 pub struct Document {
     pub path: PathBuf,
     /// Folder that relative paths start from.
@@ -32,6 +47,9 @@ pub struct Document {
     pub nodes: IndexMap<String, NodeEntry>,
     /// Where the editor draws each node.
     pub layout: IndexMap<String, [f64; 2]>,
+    pub comments: Vec<Comment>,
+    /// Fields that this version does not know; written back as they are.
+    pub other: Map<String, Json>,
     pub source: Source,
     /// What was found wrong while reading; `Plan::new` reports it together with what it finds itself.
     pub problems: Vec<Problem>,
@@ -71,18 +89,20 @@ impl Document {
         }
         let mut reader = Reader { source: &source, problems };
         let root = source.root.as_object().expect("judged above");
-        reader.fields("", root, &["chiaro", "frames", "fps", "nodes", "layout"], "a recipe");
+        let other = reader.fields("", root, &["chiaro", "frames", "fps", "nodes", "layout", "comments"], "a recipe");
         let frames = reader.frames(root.get("frames"));
         let fps = reader.fps(root.get("fps"));
         let nodes = reader.nodes(root.get("nodes"));
         let layout = reader.layout(root.get("layout"), &nodes);
+        let comments = reader.comments(root.get("comments"));
         let problems = reader.problems;
         let base = match path.parent() {
             Some(folder) if folder != Path::new("") => folder.to_owned(),
             _ => PathBuf::from("."),
         };
         let overrides = IndexMap::new();
-        Ok(Self { path: path.to_owned(), base, frames, fps, nodes, layout, source, problems, overrides })
+        let path = path.to_owned();
+        Ok(Self { path, base, frames, fps, nodes, layout, comments, other, source, problems, overrides })
     }
 
     /// Applies one `NODE.PARAM=JSON` of the command line.
@@ -119,6 +139,10 @@ impl Document {
                 self.layout.iter().map(|(name, at)| (name.clone(), at.map(whole).to_vec().into())).collect();
             root["layout"] = layout.into();
         }
+        if !self.comments.is_empty() {
+            root["comments"] = self.comments.iter().map(Comment::to_json).collect();
+        }
+        self.other.iter().for_each(|(name, value)| root[name] = value.clone());
         root
     }
 
@@ -129,7 +153,7 @@ impl Document {
 }
 
 impl NodeEntry {
-    fn to_json(&self) -> Json {
+    pub(super) fn to_json(&self) -> Json {
         let mut node = json!({ "type": self.kind });
         if !self.params.is_empty() {
             node["params"] = self.params.clone().into();
@@ -139,151 +163,24 @@ impl NodeEntry {
                 self.inputs.iter().map(|(port, from)| (port.clone(), from.clone().into())).collect();
             node["inputs"] = inputs.into();
         }
+        if self.muted {
+            node["muted"] = true.into();
+        }
+        self.other.iter().for_each(|(name, value)| node[name] = value.clone());
         node
+    }
+}
+
+impl Comment {
+    fn to_json(&self) -> Json {
+        let pair = |pair: [f64; 2]| pair.map(whole).to_vec();
+        json!({ "text": self.text, "at": pair(self.at), "size": pair(self.size) })
     }
 }
 
 /// `24` rather than `24.0`.
 fn whole(number: f64) -> Json {
     if number.fract() == 0.0 && number.abs() < 1e15 { Json::from(number as i64) } else { Json::from(number) }
-}
-
-/// Collects problems while it goes through the fields.
-struct Reader<'a> {
-    source: &'a Source,
-    problems: Vec<Problem>,
-}
-
-impl<'a> Reader<'a> {
-    fn complain(&mut self, pointer: &str, part: Part, message: impl Into<String>, help: impl Into<String>) {
-        self.problems.push(self.source.problem(pointer, part, message, help));
-    }
-
-    fn fields(&mut self, pointer: &str, object: &Map<String, Json>, known: &[&str], what: &str) {
-        for name in object.keys().filter(|name| !known.contains(&name.as_str())) {
-            let help = suggest(name, known.iter().copied());
-            self.complain(&child(pointer, name), Part::Key, format!("{what} has no field \"{name}\""), help);
-        }
-    }
-
-    /// The members of an optional object.
-    fn object(&mut self, pointer: &str, value: Option<&'a Json>, what: &str) -> Option<&'a Map<String, Json>> {
-        let value = value?;
-        let object = value.as_object();
-        if object.is_none() {
-            self.complain(pointer, Part::Value, format!("{what} is an object, not {}", kind_of(value)), "");
-        }
-        object
-    }
-
-    fn frames(&mut self, value: Option<&Json>) -> [i64; 2] {
-        let Some(value) = value else { return [1, 1] };
-        let pair = value.as_array().filter(|list| list.len() == 2);
-        match pair.and_then(|list| Some([list[0].as_i64()?, list[1].as_i64()?])) {
-            Some([first, last]) if first <= last => [first, last],
-            Some([first, last]) => {
-                let message = format!("the last frame, {last}, comes before the first, {first}");
-                self.complain("/frames", Part::Value, message, format!("write [{last}, {first}]"));
-                [1, 1]
-            }
-            None => {
-                let help = "write the first and the last frame, as in [1, 24]";
-                self.complain("/frames", Part::Value, format!("{value} is not a range of frames"), help);
-                [1, 1]
-            }
-        }
-    }
-
-    fn fps(&mut self, value: Option<&Json>) -> f64 {
-        let Some(value) = value else { return 24.0 };
-        value.as_f64().filter(|fps| *fps > 0.0).unwrap_or_else(|| {
-            self.complain("/fps", Part::Value, format!("{value} is not a frame rate"), "frames a second, above 0");
-            24.0
-        })
-    }
-
-    fn nodes(&mut self, value: Option<&'a Json>) -> IndexMap<String, NodeEntry> {
-        if value.is_none() {
-            self.complain("", Part::Value, "the recipe has no \"nodes\"", "add \"nodes\": { ... }");
-        }
-        let mut nodes = IndexMap::new();
-        for (name, value) in self.object("/nodes", value, "\"nodes\"").into_iter().flatten() {
-            let pointer = child("/nodes", name);
-            if name.is_empty() || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
-                let help = "node names are made of A-Z, a-z, 0-9 and _";
-                self.complain(&pointer, Part::Key, format!("\"{name}\" cannot be the name of a node"), help);
-            }
-            let Some(object) = self.object(&pointer, Some(value), "a node") else { continue };
-            nodes.insert(name.clone(), self.node(&pointer, name, object));
-        }
-        nodes
-    }
-
-    fn node(&mut self, pointer: &str, name: &str, object: &'a Map<String, Json>) -> NodeEntry {
-        self.fields(pointer, object, &["type", "params", "inputs"], "a node");
-        let mut node = NodeEntry::default();
-        match object.get("type") {
-            Some(Json::String(kind)) if !kind.is_empty() => node.kind = kind.clone(),
-            Some(Json::String(_)) => {
-                let help = "`chiaro nodes` lists the types";
-                self.complain(
-                    &child(pointer, "type"),
-                    Part::Value,
-                    format!("the type of node \"{name}\" is empty"),
-                    help,
-                );
-            }
-            Some(other) => {
-                let message = format!("a type is a name in quotes, not {}", kind_of(other));
-                self.complain(&child(pointer, "type"), Part::Value, message, "");
-            }
-            None => {
-                let message = format!("node \"{name}\" does not say its type");
-                self.complain(pointer, Part::Key, message, "add \"type\": \"...\"; `chiaro nodes` lists the types");
-            }
-        }
-        let params = self.object(&child(pointer, "params"), object.get("params"), "\"params\"");
-        node.params = params.cloned().unwrap_or_default();
-        let inputs_pointer = child(pointer, "inputs");
-        for (port, from) in self.object(&inputs_pointer, object.get("inputs"), "\"inputs\"").into_iter().flatten() {
-            match from {
-                Json::String(from) => drop(node.inputs.insert(port.clone(), from.clone())),
-                other => {
-                    let message = format!("an input is the name of a node in quotes, not {}", kind_of(other));
-                    self.complain(&child(&inputs_pointer, port), Part::Value, message, "\"node\" or \"node.port\"");
-                }
-            }
-        }
-        node
-    }
-
-    fn layout(&mut self, value: Option<&'a Json>, nodes: &IndexMap<String, NodeEntry>) -> IndexMap<String, [f64; 2]> {
-        let mut layout = IndexMap::new();
-        for (name, value) in self.object("/layout", value, "\"layout\"").into_iter().flatten() {
-            let pointer = child("/layout", name);
-            if !nodes.contains_key(name) {
-                let help = suggest(name, nodes.keys().map(String::as_str));
-                self.complain(&pointer, Part::Key, format!("there is no node \"{name}\" to lay out"), help);
-            }
-            let pair = value.as_array().filter(|list| list.len() == 2);
-            match pair.and_then(|list| Some([list[0].as_f64()?, list[1].as_f64()?])) {
-                Some(at) => drop(layout.insert(name.clone(), at)),
-                None => self.complain(&pointer, Part::Value, format!("{value} is not a position"), "write [x, y]"),
-            }
-        }
-        layout
-    }
-}
-
-fn kind_of(value: &Json) -> &'static str {
-    match value {
-        Json::Null => "null",
-        Json::Bool(_) => "true or false",
-        Json::Number(_) => "a number",
-        Json::String(_) => "a text",
-        Json::Array(_) => "a list",
-        Json::Object(_) => "an object",
-    }
 }
 
 #[cfg(test)]

@@ -3,14 +3,16 @@
 pub mod check;
 pub mod curve;
 pub mod document;
+pub mod edit;
 pub mod migrate;
 pub mod plan;
 mod pretty;
 pub mod problem;
+mod read;
 pub mod schema;
 pub mod source;
 
 pub use curve::Curve;
-pub use document::{Document, NodeEntry, load};
+pub use document::{Comment, Document, NodeEntry, load};
 pub use plan::{Param, Plan, Step, Wire};
 pub use problem::{Place, Problem};

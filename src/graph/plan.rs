@@ -29,8 +29,10 @@ pub struct Step {
     pub node_type: &'static NodeType,
     /// Those that the recipe gives.
     pub params: IndexMap<String, Param>,
-    /// Per port of the node type.
+    /// Per port of the node type; past what is muted.
     pub inputs: Vec<Option<Wire>>,
+    /// Nothing takes from it, and it writes no files.
+    pub muted: bool,
 }
 
 pub enum Param {
@@ -108,6 +110,11 @@ impl Plan {
             return Err(Error::usage(summary(&planner.overrides), ""));
         }
         assert!(complete, "a node that cannot be planned has a problem");
+        let problems = mute(document, &mut steps);
+        if !problems.is_empty() {
+            let source_text = document.source.text.clone();
+            return Err(Error::Graph { path: document.path.clone(), source_text, problems });
+        }
         let mut place = vec![0; steps.len()];
         order.iter().enumerate().for_each(|(to, from)| place[*from] = to);
         let mut sorted: Vec<(usize, Step)> = place.iter().copied().zip(steps).collect();
@@ -130,7 +137,8 @@ impl Plan {
     /// `Usage` when there is no node of a name, or nothing that writes files.
     pub fn targets(&self, names: &[String]) -> Result<Vec<usize>> {
         if names.is_empty() {
-            let sinks: Vec<usize> = (0..self.steps.len()).filter(|step| self.steps[*step].is_sink()).collect();
+            let sinks: Vec<usize> =
+                (0..self.steps.len()).filter(|step| self.steps[*step].is_sink() && !self.steps[*step].muted).collect();
             if sinks.is_empty() {
                 let help = "add a write_image node, or name a node with --node";
                 return Err(Error::usage("no node of this recipe writes a file", help));
@@ -143,7 +151,14 @@ impl Plan {
                 Error::usage(format!("there is no node \"{name}\" in the recipe"), help)
             })
         };
-        names.iter().map(find).collect()
+        let steps: Vec<usize> = names.iter().map(find).collect::<Result<_>>()?;
+        match steps.iter().find(|step| self.steps[**step].muted) {
+            Some(muted) => {
+                let message = format!("node \"{}\" is muted", self.steps[*muted].name);
+                Err(Error::usage(message, "unmute it, or name the node in front of it"))
+            }
+            None => Ok(steps),
+        }
     }
 }
 
@@ -176,7 +191,7 @@ impl Planner<'_> {
         };
         let params = self.params(name, entry, node_type);
         let inputs = self.inputs(name, entry, node_type);
-        Some(Step { name: name.to_owned(), node_type, params, inputs })
+        Some(Step { name: name.to_owned(), node_type, params, inputs, muted: entry.muted })
     }
 
     fn params(&mut self, node: &str, entry: &NodeEntry, node_type: &'static NodeType) -> IndexMap<String, Param> {
@@ -358,7 +373,36 @@ impl Planner<'_> {
     }
 }
 
-/// A curve when it is written as one, unless the parameter takes just such an object as its value.
+/// Leads wires past muted nodes: what took from one takes what goes into its first port of the same kind. `steps` are in
+/// the order of the document.
+fn mute(document: &Document, steps: &mut [Step]) -> Vec<Problem> {
+    let source = |steps: &[Step], mut wire: Wire| -> Option<Wire> {
+        while steps[wire.step].muted {
+            let info = steps[wire.step].node_type.info;
+            let kind = info.outputs[wire.output].kind;
+            let port = info.inputs.iter().position(|port| port.kind == kind)?;
+            wire = steps[wire.step].inputs[port]?;
+        }
+        Some(wire)
+    };
+    let mut problems = Vec::new();
+    let led: Vec<Vec<Option<Wire>>> =
+        steps.iter().map(|step| step.inputs.iter().map(|wire| source(steps, (*wire)?)).collect()).collect();
+    for (step, led) in steps.iter().zip(&led).filter(|(step, _)| !step.muted) {
+        let ports = step.node_type.info.inputs.iter().zip(step.inputs.iter().zip(led));
+        for (port, (before, _)) in ports.filter(|(port, (wire, led))| !port.optional && wire.is_some() && led.is_none())
+        {
+            let from = before.map_or("", |wire| &steps[wire.step].name);
+            let pointer = child(&child(&child("/nodes", &step.name), "inputs"), port.name);
+            let message = format!("input \"{}\" of \"{}\" takes from \"{from}\", which is muted", port.name, step.name);
+            let help = format!("\"{from}\" has no {} to pass on; unmute it, or take from another", port.kind.name());
+            problems.push(document.source.problem(&pointer, Part::Value, message, help));
+        }
+    }
+    steps.iter_mut().zip(led).for_each(|(step, led)| step.inputs = led);
+    problems
+}
+
 /// `, at [1].radius` for the pointer `/1/radius`; nothing for the whole parameter.
 fn inside(pointer: &str) -> String {
     let mut path = String::new();
@@ -372,6 +416,7 @@ fn inside(pointer: &str) -> String {
     if path.is_empty() { path } else { format!(", at {path}") }
 }
 
+/// A curve when it is written as one, unless the parameter takes just such an object as its value.
 fn read_param(param: &ParamChecker, value: &Json) -> std::result::Result<Param, Vec<Complaint>> {
     let Some(object) = value.as_object().filter(|_| curve::is_curve(value) && !param.accepts(value)) else {
         let complaints = param.complaints(value);

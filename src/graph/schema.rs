@@ -38,7 +38,8 @@ pub fn recipe_schema(registry: &[NodeType]) -> Json {
     let kind = if types.is_empty() { json!(false) } else { json!({ "oneOf": types }) };
     let mut node = json!({
         "type": "object",
-        "properties": { "type": kind, "params": { "type": "object" }, "inputs": { "type": "object" } },
+        "properties": { "type": kind, "params": { "type": "object" }, "inputs": { "type": "object" },
+            "muted": { "type": "boolean", "description": "Left out: its input is passed on instead." } },
         "required": ["type"],
         "additionalProperties": false,
     });
@@ -46,6 +47,12 @@ pub fn recipe_schema(registry: &[NodeType]) -> Json {
         node["allOf"] = cases.into();
     }
     let pair = |kind: &str| json!({ "type": "array", "items": { "type": kind }, "minItems": 2, "maxItems": 2 });
+    let comment = json!({
+        "type": "object",
+        "properties": { "text": { "type": "string" }, "at": pair("number"), "size": pair("number") },
+        "required": ["text", "at", "size"],
+        "additionalProperties": false,
+    });
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "chiaro recipe",
@@ -60,6 +67,7 @@ pub fn recipe_schema(registry: &[NodeType]) -> Json {
                 "additionalProperties": node,
             },
             "layout": { "type": "object", "additionalProperties": pair("number") },
+            "comments": { "type": "array", "items": comment },
         },
         "required": ["chiaro", "nodes"],
         "additionalProperties": false,

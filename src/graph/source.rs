@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 /// Strict JSON with byte ranges.
+#[derive(Clone)]
 pub struct Source {
     pub text: String,
     pub root: Json,
