@@ -27,6 +27,7 @@ pub mod device;
 pub mod editor;
 pub mod error;
 pub mod eval;
+pub mod fields;
 pub mod graph;
 pub mod image;
 pub mod kernels;

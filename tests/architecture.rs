@@ -10,6 +10,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
         &[
             "editor",
             "eval",
+            "fields",
             "graph",
             "node",
             "nodes",
@@ -23,12 +24,16 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "device",
         ],
     ),
-    ("editor", &["eval", "graph", "node", "nodes", "params", "value", "image", "scene", "transport", "device"]),
+    (
+        "editor",
+        &["eval", "fields", "graph", "node", "nodes", "params", "value", "image", "scene", "transport", "device"],
+    ),
     ("eval", &["graph", "node", "params", "value", "device"]),
     ("nodes", &["node", "params", "value", "transport", "scene", "image", "kernels", "device"]),
     // An error carries the problems of a graph; the one knot, because everyone may name errors.
     ("error", &["graph"]),
     ("graph", &["node", "params", "value"]),
+    ("fields", &["params"]),
     ("params", &["node", "value"]),
     ("node", &["value", "device", "transport", "scene", "image"]),
     ("value", &["transport", "scene", "image"]),

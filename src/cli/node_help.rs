@@ -1,6 +1,7 @@
 //! `chiaro nodes`: what there is to build recipes from, out of each node type's own description.
 
 use super::print;
+use crate::fields::{Field, fields};
 use crate::names::suggest;
 use crate::node::Port;
 use crate::params::NodeType;
@@ -47,36 +48,18 @@ impl Args {
 
 /// A parameter as people read it.
 struct Described {
-    name: String,
+    field: Field,
     kind: String,
     range: String,
-    unit: String,
-    default: Json,
-    doc: String,
 }
 
 fn describe(node: &NodeType) -> Vec<Described> {
     let schema = (node.schema)().to_value();
-    let defaults = (node.defaults)();
-    let properties = schema["properties"].as_object().cloned().unwrap_or_default();
-    let describe = |(name, property): (String, Json)| Described {
-        kind: kind(&property, &schema, 8),
-        range: range(&property),
-        unit: property["unit"].as_str().unwrap_or_default().to_owned(),
-        default: defaults[&name].clone(),
-        doc: doc(&property, &schema),
-        name,
+    let describe = |field: Field| {
+        let property = &schema["properties"][&field.name];
+        Described { kind: kind(property, &schema, 8), range: range(property), field }
     };
-    properties.into_iter().map(describe).collect()
-}
-
-/// The field's own words, or those of its type.
-fn doc(property: &Json, root: &Json) -> String {
-    let of_type = || {
-        let pointer = property["$ref"].as_str()?.strip_prefix('#')?;
-        root.pointer(pointer)?["description"].as_str()
-    };
-    property["description"].as_str().or_else(of_type).unwrap_or_default().replace('\n', " ")
+    fields(node).into_iter().map(describe).collect()
 }
 
 /// `number`, `a|b|c`, `[number; 3]`, ...
@@ -202,11 +185,11 @@ fn explain(node: &NodeType) -> String {
     if !params.is_empty() {
         text += "\nParameters\n";
     }
-    for param in params {
-        let mut about = vec![param.kind];
-        about.extend([param.range, param.unit].into_iter().filter(|part| !part.is_empty()));
+    for Described { field, kind, range } in params {
+        let about: Vec<&str> =
+            [&kind, &range, &field.unit].into_iter().map(String::as_str).filter(|part| !part.is_empty()).collect();
         let about = about.join(", ");
-        writeln!(text, "  {} ({about}) = {}\n      {}", param.name, param.default, param.doc).expect("to a string");
+        writeln!(text, "  {} ({about}) = {}\n      {}", field.name, field.default, field.doc).expect("to a string");
     }
     text
 }
@@ -223,7 +206,8 @@ fn table(shown: &[&NodeType]) -> String {
                 ports.iter().map(port).collect::<Vec<_>>().join(", ")
             };
             let info = node.info;
-            let params: Vec<String> = describe(node).into_iter().map(|param| format!("`{}`", param.name)).collect();
+            let params: Vec<String> =
+                describe(node).into_iter().map(|param| format!("`{}`", param.field.name)).collect();
             let (inputs, outputs, params) = (ports(info.inputs), ports(info.outputs), params.join(", "));
             text += &format!("| `{}` | {inputs} | {outputs} | {params} | {} |\n", info.name, info.summary);
         }
