@@ -7,8 +7,10 @@
 //! recovery  what is not saved, kept aside
 //! recent    recipes that were opened last
 //! worker    evaluation off the window's thread
+//! display   a layer as it is shown: exposure, transform, channels, false colour
 //! ```
 
+pub mod display;
 pub mod history;
 pub mod recent;
 pub mod recovery;

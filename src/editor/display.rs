@@ -1,0 +1,190 @@
+//! A layer as the viewer shows it: exposure, a view transform, gamma, single channels and false colour. Only what is
+//! seen changes, never the picture.
+
+use crate::image::{Content, Image, Layer, colour};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Pixels that one task maps.
+const BLOCK: usize = 4096;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Display {
+    /// Empty for the beauty.
+    pub layer: String,
+    /// Stops.
+    pub exposure: f32,
+    /// On top of the view transform; 1 changes nothing.
+    pub gamma: f32,
+    pub transform: Transform,
+    pub channel: Channel,
+    /// Stops of luminance as colours.
+    pub false_colour: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transform {
+    /// The sRGB curve alone.
+    Plain,
+    /// Luminance L to L / (1 + L), then the sRGB curve.
+    Reinhard,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    All,
+    /// One of the layer's, as grey.
+    One(usize),
+    Luminance,
+}
+
+impl Default for Display {
+    fn default() -> Self {
+        Self {
+            layer: String::new(),
+            exposure: 0.0,
+            gamma: 1.0,
+            transform: Transform::Plain,
+            channel: Channel::All,
+            false_colour: false,
+        }
+    }
+}
+
+/// False colour: what luminance, in stops over 0.18, has which colour. Between them colours run into each other.
+pub const ZONES: [(f32, [u8; 3]); 7] = [
+    (-6.0, [60, 0, 90]),
+    (-4.0, [20, 60, 200]),
+    (-2.0, [0, 150, 160]),
+    (0.0, [110, 110, 110]),
+    (1.5, [60, 170, 40]),
+    (2.5, [240, 210, 0]),
+    (4.0, [230, 20, 20]),
+];
+
+/// What is not finite is shown so, whatever else is set.
+pub const NOT_FINITE: [u8; 3] = [255, 0, 255];
+
+/// RGBA of each pixel, row by row, alpha 255; `None` when the picture has no such layer.
+///
+/// Data is brought into range first: unit vectors from -1..1 to 0..1, other numbers over their largest.
+pub fn pixels(image: &Image, display: &Display) -> Option<Vec<[u8; 4]>> {
+    let layer = image.layer(&display.layer)?;
+    let stride = layer.channels.len().max(1);
+    let (scale, offset) = range(layer);
+    let (rgb, gain) = (layer.rgb(), display.exposure.exp2());
+    let fetch = |pixel: &[f32]| -> Vec3 {
+        let at = |channel: usize| (pixel.get(channel).copied().unwrap_or(0.0) * scale + offset) * gain;
+        let all = || match (rgb, stride) {
+            (Some(rgb), _) => Vec3::from(rgb.map(at)),
+            (None, 3..) => Vec3::new(at(0), at(1), at(2)),
+            _ => Vec3::splat(at(0)),
+        };
+        match display.channel {
+            Channel::All => all(),
+            Channel::One(channel) => Vec3::splat(at(channel.min(stride - 1))),
+            Channel::Luminance => Vec3::splat(colour::luminance(all())),
+        }
+    };
+    let mut out = vec![[0, 0, 0, 255]; layer.data.len() / stride];
+    out.par_chunks_mut(BLOCK).zip(layer.data.par_chunks(BLOCK * stride)).for_each(|(out, data)| {
+        for (out, pixel) in out.iter_mut().zip(data.chunks_exact(stride)) {
+            let value = fetch(pixel);
+            let shown = match value.is_finite() {
+                false => NOT_FINITE,
+                true if display.false_colour => zone(colour::luminance(value)),
+                true => encoded(value, display),
+            };
+            out[..3].copy_from_slice(&shown);
+        }
+    });
+    Some(out)
+}
+
+/// Scale and offset that bring data into 0..1.
+fn range(layer: &Layer) -> (f32, f32) {
+    if layer.content == Content::Colour {
+        return (1.0, 0.0);
+    }
+    let finite = || layer.data.par_iter().copied().filter(|x| x.is_finite());
+    let (least, most) = (finite().reduce(|| 0.0, f32::min), finite().reduce(|| 0.0, f32::max));
+    match () {
+        () if least < 0.0 && least >= -1.001 && most <= 1.001 => (0.5, 0.5),
+        () if most > 1.001 || least < 0.0 => (1.0 / (most - least).max(f32::MIN_POSITIVE), -least / (most - least)),
+        () => (1.0, 0.0),
+    }
+}
+
+fn encoded(value: Vec3, display: &Display) -> [u8; 3] {
+    let value = match display.transform {
+        Transform::Plain => value,
+        Transform::Reinhard => value / (1.0 + colour::luminance(value).max(0.0)),
+    };
+    let gamma = 1.0 / display.gamma.max(0.01);
+    value.to_array().map(|x| {
+        let x = x.clamp(0.0, 1.0);
+        let x = if gamma == 1.0 { x } else { x.powf(gamma) };
+        (colour::srgb_from_linear(x) * 255.0 + 0.5) as u8
+    })
+}
+
+fn zone(luminance: f32) -> [u8; 3] {
+    let stops = (luminance.max(0.0) / 0.18).log2();
+    let above = ZONES.partition_point(|(from, _)| *from <= stops);
+    match (above.checked_sub(1).map(|below| ZONES[below]), ZONES.get(above)) {
+        (None, _) => [0, 0, 0],
+        (Some((_, last)), None) => last,
+        (Some((from, a)), Some((to, b))) => {
+            let t = (stops - from) / (to - from);
+            std::array::from_fn(|c| (f32::from(a[c]) + (f32::from(b[c]) - f32::from(a[c])) * t + 0.5) as u8)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image() -> Image {
+        let layers = vec![
+            Layer::new("", &["R", "G", "B", "A"], Content::Colour, vec![0.0, 0.5, 1.0, 1.0, f32::NAN, 0.0, 2.0, 0.0]),
+            Layer::new("N", &["X", "Y", "Z"], Content::Data, vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0]),
+            Layer::new("Z", &["Z"], Content::Data, vec![4.0, 8.0]),
+        ];
+        Image { width: 2, height: 1, layers, metadata: vec![] }
+    }
+
+    fn shown(display: Display) -> Vec<[u8; 4]> {
+        pixels(&image(), &display).unwrap()
+    }
+
+    #[test]
+    fn colours_by_hand() {
+        let plain = shown(Display::default());
+        assert_eq!(plain, [[0, 188, 255, 255], [255, 0, 255, 255]], "sRGB of a half is 188; NaN is magenta");
+        assert_eq!(shown(Display { exposure: 1.0, ..Display::default() })[0], [0, 255, 255, 255]);
+        assert_eq!(shown(Display { exposure: -1.0, ..Display::default() })[0][2], 188);
+        assert_eq!(shown(Display { channel: Channel::One(1), ..Display::default() })[0], [188, 188, 188, 255]);
+        let luminance = shown(Display { channel: Channel::Luminance, ..Display::default() })[0];
+        assert!(luminance[0] == luminance[2] && luminance[0] > 150);
+        assert!(shown(Display { transform: Transform::Reinhard, ..Display::default() })[0][2] < 255);
+        assert!(shown(Display { gamma: 2.0, ..Display::default() })[0][1] > 188);
+        assert!(pixels(&image(), &Display { layer: "no".to_owned(), ..Display::default() }).is_none());
+    }
+
+    #[test]
+    fn data_is_brought_into_range() {
+        let layer = |name: &str| Display { layer: name.to_owned(), ..Display::default() };
+        assert_eq!(shown(layer("N")), [[188, 0, 188, 255], [255, 188, 188, 255]]);
+        assert_eq!(shown(layer("Z")), [[188, 188, 188, 255], [255, 255, 255, 255]]);
+    }
+
+    #[test]
+    fn false_colours_run_from_dark_to_bright() {
+        assert_eq!((zone(0.0), zone(0.18), zone(1e9)), ([0, 0, 0], [110, 110, 110], [230, 20, 20]));
+        assert_eq!(zone(0.18 / 64.0), [60, 0, 90]);
+        let between = zone(0.18 / 2.0);
+        assert!(between != zone(0.18) && between != zone(0.18 / 4.0));
+        assert_eq!(shown(Display { false_colour: true, ..Display::default() })[1], [255, 0, 255, 255]);
+    }
+}
