@@ -109,7 +109,7 @@ fn range(layer: &Layer) -> (f32, f32) {
     let finite = || layer.data.par_iter().copied().filter(|x| x.is_finite());
     let (least, most) = (finite().reduce(|| 0.0, f32::min), finite().reduce(|| 0.0, f32::max));
     match () {
-        () if least < 0.0 && least >= -1.001 && most <= 1.001 => (0.5, 0.5),
+        () if (-1.001..0.0).contains(&least) && most <= 1.001 => (0.5, 0.5),
         () if most > 1.001 || least < 0.0 => (1.0 / (most - least).max(f32::MIN_POSITIVE), -least / (most - least)),
         () => (1.0, 0.0),
     }
