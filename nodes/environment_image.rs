@@ -78,7 +78,8 @@ fn seen(job: &Job, environment: &Environment, visibility: &Visibility, selection
         return Err(Error::compute(message, "set face_size of both nodes to the same number"));
     }
     selection.check(&visibility.samples.geometry)?;
-    edited::seen(job.device, job.progress, visibility, &selection.weights(&visibility.samples.points))
+    let weights = selection.weights(&visibility.samples.points);
+    edited::seen(job.device, job.progress, visibility, environment, &weights)
 }
 
 struct Shown<'a> {

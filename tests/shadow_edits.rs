@@ -4,6 +4,7 @@
 #[path = "support/sky.rs"]
 mod sky;
 
+use chiaro::device::Device;
 use chiaro::progress::Progress;
 use chiaro::scene::cube::{self, FACES};
 use chiaro::scene::{Scene, builtin};
@@ -232,9 +233,9 @@ fn what_selected_samples_see_is_the_mean_of_what_each_sees() {
         mean.iter_mut().flatten().for_each(|mean| *mean /= total);
         mean
     };
-    let (edited_by_all, plain) = (with(&baked, &edits), &baked);
+    let (edited_by_all, plain, environment) = (with(&baked, &edits), &baked, &view.transport.environment);
     for visibility in [plain, &edited_by_all] {
-        let found = edited::seen(&chiaro::device::Device::Cpu, Progress::silent(), visibility, &weights).unwrap();
+        let found = edited::seen(&Device::Cpu, Progress::silent(), visibility, environment, &weights).unwrap();
         let expected = mean(visibility);
         let pairs = found.iter().flatten().zip(expected.iter().flatten());
         let worst = pairs.map(|(found, mean)| (f64::from(*found) - mean).abs()).fold(0.0, f64::max);

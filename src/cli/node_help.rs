@@ -1,7 +1,7 @@
 //! `chiaro nodes`: what there is to build recipes from, out of each node type's own description.
 
 use super::print;
-use crate::fields::{Field, fields};
+use crate::fields::{Field, Shape, fields};
 use crate::names::suggest;
 use crate::node::Port;
 use crate::params::NodeType;
@@ -57,7 +57,7 @@ fn describe(node: &NodeType) -> Vec<Described> {
     let schema = (node.schema)().to_value();
     let describe = |field: Field| {
         let property = &schema["properties"][&field.name];
-        Described { kind: kind(property, &schema, 8), range: range(property), field }
+        Described { kind: kind(property, &schema, 8), range: range(&field.shape), field }
     };
     fields(node).into_iter().map(describe).collect()
 }
@@ -113,12 +113,12 @@ fn kind(schema: &Json, root: &Json, depth: usize) -> String {
     }
 }
 
-fn range(schema: &Json) -> String {
-    let bound = |inclusive: &str, exclusive: &str, signs: [&str; 2]| {
-        let limit = |name: &str, sign: &str| schema[name].as_f64().map(|limit| format!("{sign} {limit}"));
-        limit(exclusive, signs[1]).or_else(|| limit(inclusive, signs[0]))
+fn range(shape: &Shape) -> String {
+    let Shape::Number(range) = shape else { return String::new() };
+    let bound = |limit: Option<f64>, sign: &str, open: bool| {
+        limit.map(|limit| format!("{sign}{} {limit}", if open { "" } else { "=" }))
     };
-    let bounds = [bound("minimum", "exclusiveMinimum", [">=", ">"]), bound("maximum", "exclusiveMaximum", ["<=", "<"])];
+    let bounds = [bound(range.least, ">", range.open[0]), bound(range.most, "<", range.open[1])];
     bounds.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 

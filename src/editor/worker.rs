@@ -175,7 +175,7 @@ impl Run {
     fn answer(&mut self, id: u64, request: &Request) {
         let place = (request.node.clone(), request.output);
         let is_long = self.seconds.get(&place).is_none_or(|seconds| *seconds > LONG);
-        if is_long && let Some(document) = coarse(&request.document, &request.node) {
+        if is_long && let Some(document) = coarse(&request.document, &request.node, self.registry) {
             let coarse = Request { document: Arc::new(document), ..request.clone() };
             let (result, reports, seconds) = self.evaluate(id, &coarse);
             match result {
@@ -217,12 +217,14 @@ impl Run {
 }
 
 /// The recipe with fewer pixels, where that is to be had.
-fn coarse(document: &Document, node: &str) -> Option<Document> {
+fn coarse(document: &Document, node: &str, registry: &[NodeType]) -> Option<Document> {
+    let view = registry.iter().find(|node_type| node_type.info.name == "view_samples")?;
+    let defaults = (view.defaults)();
     let mut document = document.upstream(node);
     let mut changed = false;
-    for entry in document.nodes.values_mut().filter(|entry| entry.kind == "view_samples") {
-        for (name, usual) in [("width", 640), ("height", 480)] {
-            let full = entry.params.get(name).map_or(Some(usual), serde_json::Value::as_u64);
+    for entry in document.nodes.values_mut().filter(|entry| entry.kind == view.info.name) {
+        for name in ["width", "height"] {
+            let full = entry.params.get(name).unwrap_or(&defaults[name]).as_u64();
             let Some(full) = full.filter(|full| *full >= 16 * COARSE) else { continue };
             entry.params.insert(name.to_owned(), (full / COARSE).into());
             changed = true;

@@ -47,6 +47,11 @@ impl Environment {
         sum
     }
 
+    /// Whether any light comes from a texel.
+    pub fn is_lit(&self, texel: usize) -> bool {
+        self.radiance[texel][..3].iter().any(|radiance| *radiance > 0.0)
+    }
+
     /// Which faces carry any light.
     pub fn lit_faces(&self) -> [bool; FACES] {
         let face = self.size * self.size;

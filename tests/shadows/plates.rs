@@ -66,3 +66,26 @@ fn the_plaza_at_night_is_as_a_path_tracer_has_it() {
         assert!(error <= asked, "{basis:?}: {error}");
     }
 }
+
+/// A sun of half a degree on faces of 128, where a texel is wider than it: what the user gets (thesis 6.10). Shadows are
+/// right but for their edges, which are as soft as a texel; that is warned of (`tests/limits.rs`).
+#[test]
+fn the_plaza_at_noon_is_right_but_for_the_edges_of_shadows() {
+    let test = "the_plaza_at_noon_is_right_but_for_the_edges_of_shadows";
+    let files = ["scenes/plaza.glb", "environments/noon_grass_1k.hdr", "plates/plaza-noon/direct.exr"];
+    let found = support::all_data(test, &files);
+    let [scene, map, plate] = found.as_slice() else { return };
+    let (scene, _) = file::read(scene, 1.0).unwrap();
+    let view = View::new(&scene, (640, 480), 1, environment(map, 128));
+    let whole = Cryptomatte::read(plate, "CryptoObject").unwrap().whole(0.99);
+    let layers = view.stage(&view.bake(Basis::Runs, &[])).layers(Progress::silent()).unwrap();
+    let direct = layers.iter().find(|layer| layer.name == "direct").unwrap();
+    let figures = compare::blocks(direct, &radiance(plate, "Diffuse Direct"), 640, &whole, 4).unwrap();
+    let worst = figures.iter().map(|figure| figure.relative_rmse).fold(0.0, f64::max);
+    println!(
+        "noon: {:.2} % over the picture, {:.2} % on the worst object",
+        100.0 * figures[0].relative_rmse,
+        100.0 * worst
+    );
+    assert!(figures[0].relative_rmse < 0.015 && figures[0].bias.abs() < 0.002, "{:?}", figures[0]);
+}

@@ -47,10 +47,8 @@ impl Settings {
 /// Where light comes from, texel by texel of a face: the only ones whose shadows are kept. `None` for a dark face.
 pub fn wanted(environment: &Environment, face: usize) -> Option<Vec<u32>> {
     let texels = environment.size * environment.size;
-    let lit = environment.radiance[face * texels..(face + 1) * texels].chunks_exact(32).map(|texels| {
-        texels.iter().rev().fold(0, |bits, [r, g, b, _]| bits << 1 | u32::from(*r > 0.0 || *g > 0.0 || *b > 0.0))
-    });
-    let lit: Vec<u32> = lit.collect();
+    let word = |first: usize| (first..first + 32).rev().fold(0, |bits, i| bits << 1 | u32::from(environment.is_lit(i)));
+    let lit: Vec<u32> = (face * texels..(face + 1) * texels).step_by(32).map(word).collect();
     lit.iter().any(|word| *word != 0).then_some(lit)
 }
 

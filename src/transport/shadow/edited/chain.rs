@@ -35,7 +35,7 @@ pub fn reach<'a>(edits: impl Iterator<Item = &'a ShadowEdit>, size: usize) -> Ve
 
 /// Directions that edits look at, of those that were never baked because no light comes from them.
 pub fn unbaked(visibility: &Visibility, environment: &Environment) -> usize {
-    let lit = |texel: &u32| environment.radiance[*texel as usize][..3].iter().any(|x| *x > 0.0);
+    let lit = |texel: &u32| environment.is_lit(*texel as usize);
     if !visibility.lit_only || (0..environment.radiance.len() as u32).all(|texel| lit(&texel)) {
         return 0;
     }

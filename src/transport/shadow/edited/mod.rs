@@ -42,7 +42,7 @@ pub fn irradiance(stage: &Stage, progress: Progress) -> Result<Vec<[f32; 4]>> {
     let amounts: Vec<Arc<Vec<f32>>> = (0..visibility.edits.len()).map(|e| amount(stage, e)).collect::<Result<_>>()?;
     let wide: Vec<usize> =
         (0..visibility.edits.len()).filter(|&e| !visibility.edits[e].change.is_pointwise()).collect();
-    let energy = |texel: &u32| stage.transport.environment.radiance[*texel as usize][..3].iter().any(|x| *x > 0.0);
+    let environment = &stage.transport.environment;
     let mut outputs = chain::reach(wide.iter().map(|&e| &visibility.edits[e]), visibility.size);
     let acts = |edits: &[usize], sample: usize| edits.iter().any(|&e| amounts[e][sample] != 0.0);
     let mut aside: Vec<bool> = (0..light.len()).into_par_iter().map(|sample| acts(&wide, sample)).collect();
@@ -54,10 +54,10 @@ pub fn irradiance(stage: &Stage, progress: Progress) -> Result<Vec<[f32; 4]>> {
             aside = (0..light.len()).into_par_iter().map(|sample| acts(&all, sample)).collect();
         }
     }
-    outputs.retain(energy);
+    outputs.retain(|texel| environment.is_lit(*texel as usize));
     let samples: Vec<u32> = (0..light.len() as u32).filter(|&sample| aside[sample as usize]).collect();
     if !samples.is_empty() && !outputs.is_empty() {
-        let directions = Directions::new(visibility, &stage.transport.environment, outputs);
+        let directions = Directions::new(visibility, environment, outputs);
         let added = directions.added(stage.device, progress, &samples, &amounts)?;
         for (sample, added) in samples.into_iter().zip(added) {
             let light = &mut light[sample as usize];
@@ -68,11 +68,17 @@ pub fn irradiance(stage: &Stage, progress: Progress) -> Result<Vec<[f32; 4]>> {
 }
 
 /// What samples see of each direction with all edits, RGB in [0, 1]: means with the weights of a selection at the samples,
-/// 6 n n texels. Directions below a sample's horizon count as hidden.
+/// 6 n n texels; `environment` has as many. Directions below a sample's horizon count as hidden.
 ///
 /// # Errors
 /// As `Visibility::blocked`; what the device meets; `Cancelled`.
-pub fn seen(device: &Device, progress: Progress, visibility: &Visibility, weights: &[f32]) -> Result<Vec<[f32; 3]>> {
+pub fn seen(
+    device: &Device,
+    progress: Progress,
+    visibility: &Visibility,
+    environment: &Environment,
+    weights: &[f32],
+) -> Result<Vec<[f32; 3]>> {
     let (size, points) = (visibility.size, &visibility.samples.points);
     let blocked = visibility.blocked(weights)?;
     let chosen = (0..points.len()).filter(|&i| weights[i] > 0.0 && points[i].exists());
@@ -89,13 +95,12 @@ pub fn seen(device: &Device, progress: Progress, visibility: &Visibility, weight
     }
     if !visibility.edits.is_empty() {
         let all = (0..seen.len() as u32).collect();
-        let dark = Environment::new(size, vec![[0.0; 4]; seen.len()])?;
         let amounts = visibility.edits.iter().map(|edit| {
             let selected = amounts::selected(edit, points);
             Arc::new(amounts::amounts(edit, points, &selected))
         });
         let amounts: Vec<Arc<Vec<f32>>> = amounts.collect();
-        let opened = Directions::new(visibility, &dark, all).opened(device, progress, &samples, &amounts)?;
+        let opened = Directions::new(visibility, environment, all).opened(device, progress, &samples, &amounts)?;
         seen.iter_mut().flatten().zip(opened.iter().flatten()).for_each(|(seen, opened)| *seen += opened);
     }
     seen.iter_mut().flatten().for_each(|seen| *seen = seen.clamp(0.0, 1.0));
