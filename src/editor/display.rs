@@ -148,7 +148,7 @@ mod tests {
     fn image() -> Image {
         let layers = vec![
             Layer::new("", &["R", "G", "B", "A"], Content::Colour, vec![0.0, 0.5, 1.0, 1.0, f32::NAN, 0.0, 2.0, 0.0]),
-            Layer::new("N", &["X", "Y", "Z"], Content::Data, vec![0.0, -1.0, 0.0, 1.0, 0.0, 0.0]),
+            Layer::new("N", &["X", "Y", "Z"], Content::Data, vec![0.0, -0.5, 0.0, 0.8, 0.0, 0.0]),
             Layer::new("Z", &["Z"], Content::Data, vec![4.0, 8.0]),
         ];
         Image { width: 2, height: 1, layers, metadata: vec![] }
@@ -175,7 +175,8 @@ mod tests {
     #[test]
     fn data_is_brought_into_range() {
         let layer = |name: &str| Display { layer: name.to_owned(), ..Display::default() };
-        assert_eq!(shown(layer("N")), [[188, 0, 188, 255], [255, 188, 188, 255]]);
+        // A half, a quarter and nine tenths, whatever the largest of them is.
+        assert_eq!(shown(layer("N")), [[188, 137, 188, 255], [243, 188, 188, 255]]);
         assert_eq!(shown(layer("Z")), [[188, 188, 188, 255], [255, 255, 255, 255]]);
     }
 

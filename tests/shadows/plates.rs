@@ -68,7 +68,8 @@ fn the_plaza_at_night_is_as_a_path_tracer_has_it() {
 }
 
 /// A sun of half a degree on faces of 128, where a texel is wider than it: what the user gets (thesis 6.10). Shadows are
-/// right but for their edges, which are as soft as a texel; that is warned of (`tests/limits.rs`).
+/// right but for their edges, which are as soft as a texel, and upright bars that the sun grazes, where half a texel
+/// decides between light and none; that is warned of (`tests/limits.rs`).
 #[test]
 fn the_plaza_at_noon_is_right_but_for_the_edges_of_shadows() {
     let test = "the_plaza_at_noon_is_right_but_for_the_edges_of_shadows";
