@@ -26,7 +26,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ),
     (
         "editor",
-        &["eval", "fields", "graph", "node", "nodes", "params", "value", "image", "scene", "transport", "device"],
+        &[
+            "eval", "fields", "graph", "node", "nodes", "params", "value", "image", "scene", "transport", MATRIX, "kernels",
+            "device",
+        ],
     ),
     ("eval", &["graph", "node", "params", "value", "device"]),
     ("nodes", &["node", "params", "value", "transport", "scene", "image", "kernels", "device"]),

@@ -4,6 +4,8 @@ mod bench;
 mod check;
 mod devices;
 pub mod diff;
+#[cfg(feature = "editor")]
+mod edit;
 mod frames;
 mod messages;
 mod node_help;
@@ -30,6 +32,8 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    #[cfg(feature = "editor")]
+    Edit(edit::Args),
     Render(render::Args),
     Check(check::Args),
     Diff(diff::Args),
@@ -54,6 +58,8 @@ impl Cli {
     /// As `run`.
     pub fn run_with(self, registry: &'static [NodeType]) -> Result<u8> {
         match self.command {
+            #[cfg(feature = "editor")]
+            Command::Edit(args) => args.run(registry),
             Command::Render(args) => args.run(registry),
             Command::Check(args) => args.run(registry),
             Command::Diff(args) => diff::run(&args).map(|equal| u8::from(!equal)),

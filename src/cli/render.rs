@@ -71,11 +71,11 @@ pub struct CacheArgs {
     cache_size: u64,
     /// Compute in spite of the cache, and fail when the result differs
     #[arg(long, env = "CHIARO_VERIFY_CACHE", value_parser = clap::builder::FalseyValueParser::new())]
-    verify_cache: bool,
+    pub verify_cache: bool,
 }
 
 impl CacheArgs {
-    fn open(&self) -> Result<Option<Disk>> {
+    pub fn open(&self) -> Result<Option<Disk>> {
         if self.no_cache {
             return Ok(None);
         }

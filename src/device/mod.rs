@@ -133,7 +133,8 @@ mod adapters {
     /// All adapters that can run compute shaders, the fastest kind first.
     pub fn find() -> Vec<wgpu::Adapter> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        // OpenGL is there for the editor's window alone: its compute shaders are too narrow.
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let computes = wgpu::DownlevelFlags::COMPUTE_SHADERS;
         adapters.retain(|adapter| adapter.get_downlevel_capabilities().flags.contains(computes));
         adapters.sort_by_key(|adapter| match adapter.get_info().device_type {

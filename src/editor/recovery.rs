@@ -86,8 +86,7 @@ impl Recovery {
 
 impl Drop for Recovery {
     fn drop(&mut self) {
-        // Ending in the ordinary way, the window has asked about what is not saved.
-        self.forget();
+        // What was not forgotten before was not given up: a window may be lost in many ways.
         let _ = self.lock.unlock();
         let _ = std::fs::remove_file(&self.lock_file);
     }
@@ -149,6 +148,7 @@ mod tests {
         assert_eq!((found[0].document.nodes.len(), found[0].file.as_deref()), (2, Some(Path::new("/x/bleed.json"))));
         found.into_iter().for_each(Left::discard);
         assert!(left(folder.path()).is_empty());
+        next.forget();
         drop(next);
         let names = std::fs::read_dir(folder.path()).unwrap().flatten().map(|entry| entry.file_name());
         assert_eq!(names.filter(|name| name.to_string_lossy().ends_with(SUFFIX)).count(), 0);

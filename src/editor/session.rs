@@ -23,6 +23,8 @@ pub struct Session {
     problems: BTreeMap<String, Vec<Problem>>,
     /// Grows with every change.
     version: u64,
+    /// Grows with every change that a picture could show: not where nodes lie.
+    content: u64,
 }
 
 /// What the file of a session has become.
@@ -38,7 +40,11 @@ const WHOLE: &str = "";
 
 impl Session {
     pub fn new(registry: &'static [NodeType]) -> Self {
-        let document = Document::empty();
+        Self::new_of(Document::empty(), registry)
+    }
+
+    /// A recipe to start from that is nowhere saved; as it is, it is no loss.
+    pub fn new_of(document: Document, registry: &'static [NodeType]) -> Self {
         let saved = document.to_json();
         Self::with(document, None, saved, None, registry)
     }
@@ -65,8 +71,9 @@ impl Session {
         registry: &'static [NodeType],
     ) -> Self {
         let document = Arc::new(document);
-        let (history, problems, version) = (History::default(), BTreeMap::new(), 0);
-        let mut session = Self { document, history, registry, file, saved, on_disk, problems, version };
+        let (history, problems) = (History::default(), BTreeMap::new());
+        let mut session =
+            Self { document, history, registry, file, saved, on_disk, problems, version: 0, content: 0 };
         session.check();
         session
     }
@@ -85,6 +92,11 @@ impl Session {
 
     pub fn version(&self) -> u64 {
         self.version
+    }
+
+    /// Grows with every change that a picture could show.
+    pub fn content(&self) -> u64 {
+        self.content
     }
 
     pub fn history(&self) -> &History {
@@ -109,6 +121,10 @@ impl Session {
     /// What is wrong with the recipe itself.
     pub fn problems_of_whole(&self) -> &[Problem] {
         self.problems_of(WHOLE)
+    }
+
+    pub fn problems(&self) -> impl Iterator<Item = &Problem> {
+        self.problems.values().flatten()
     }
 
     pub fn problem_count(&self) -> usize {
@@ -160,9 +176,16 @@ impl Session {
     }
 
     fn replace(&mut self, document: Arc<Document>) {
-        self.document = document;
+        let before = std::mem::replace(&mut self.document, document);
         self.version += 1;
-        self.check();
+        let now = &self.document;
+        let is_same = (&before.nodes, &before.overrides, &before.base) == (&now.nodes, &now.overrides, &now.base)
+            && before.frames == now.frames
+            && before.fps == now.fps;
+        if !is_same {
+            self.content += 1;
+            self.check();
+        }
     }
 
     /// Sorts what is wrong by node.
@@ -283,6 +306,10 @@ mod tests {
         assert!(session.undo() && !session.undo());
         assert_eq!(session.document().nodes["edit"].params["brightness"], json!(2.0));
         assert!(session.redo() && !session.is_unsaved());
+        let content = session.content();
+        let moved = |document: &mut Document| Ok(drop(document.layout.insert("edit".to_owned(), [3.0, 4.0])));
+        session.change("move", None, moved).unwrap();
+        assert!(session.content() == content && session.is_unsaved(), "no picture shows where a node lies");
     }
 
     #[test]

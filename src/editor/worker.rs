@@ -1,11 +1,15 @@
 //! Evaluates off the window's thread. The newest request wins: one that is running is cancelled, one that waits is
 //! forgotten. What takes long comes coarse first, then in full.
 
+use super::develop::{Developed, Settings, develop};
+use super::look::{Look, Staging, is_own};
+use super::shown::{Parts, Shown};
+use super::thumb::{Thumb, thumb};
 use crate::eval::{Context, Evaluator, NodeReport};
 use crate::graph::{Document, Plan};
+use crate::node::Key;
 use crate::params::NodeType;
 use crate::progress::Sink;
-use crate::value::Value;
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,10 +23,10 @@ use std::time::Instant;
 #[derive(Clone)]
 pub struct Request {
     pub document: Arc<Document>,
-    pub node: String,
-    /// Number of the node's output.
-    pub output: usize,
+    pub look: Look,
     pub frame: i64,
+    /// How it is to be shown.
+    pub settings: Settings,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +38,15 @@ pub enum Level {
 /// What the window is told. `id` is that of the request.
 pub enum Event {
     Progress { id: u64, node: String, stage: String, done: u64, total: u64 },
-    Finished { id: u64, level: Level, result: Result<Value>, reports: Vec<NodeReport>, seconds: f64 },
+    Finished { id: u64, level: Level, result: Result<Picture>, reports: Vec<NodeReport>, seconds: f64 },
+    /// After a full picture: nodes whose values have become others, with a small picture where they have one.
+    Thumbs { thumbs: Vec<(String, Option<Thumb>)> },
+}
+
+/// What was computed, and how it looks.
+pub struct Picture {
+    pub shown: Shown,
+    pub developed: Developed,
 }
 
 /// Seconds above which a picture comes coarse first.
@@ -73,7 +85,7 @@ impl Worker {
         let shared = Arc::new(Shared { waiting, changed: Condvar::new(), cancel: AtomicBool::new(false) });
         let (sender, events) = channel();
         let told = Told { sender, wake: Arc::new(wake) };
-        let run = Run { evaluator, registry, shared: shared.clone(), told, seconds: HashMap::new() };
+        let run = Run { evaluator, registry, shared: shared.clone(), told, seconds: HashMap::new(), keys: HashMap::new() };
         let thread = std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || run.serve());
         Self { shared, events, thread: thread.ok(), next: 1 }
     }
@@ -148,6 +160,8 @@ struct Run {
     told: Told,
     /// How long the last full picture of each node took.
     seconds: HashMap<(String, usize), f64>,
+    /// Of the values that thumbs were made of.
+    keys: HashMap<String, Key>,
 }
 
 impl Run {
@@ -173,54 +187,116 @@ impl Run {
     }
 
     fn answer(&mut self, id: u64, request: &Request) {
-        let place = (request.node.clone(), request.output);
-        let is_long = self.seconds.get(&place).is_none_or(|seconds| *seconds > LONG);
-        if is_long && let Some(document) = coarse(&request.document, &request.node, self.registry) {
-            let coarse = Request { document: Arc::new(document), ..request.clone() };
-            let (result, reports, seconds) = self.evaluate(id, &coarse);
-            match result {
-                Err(Error::Cancelled) => return,
+        let staging = match Staging::new(&request.document, &request.look, self.registry) {
+            Ok(staging) => staging,
+            Err(error) => {
+                let (level, result) = (Level::Full, Err(error));
+                self.told.tell(Event::Finished { id, level, result, reports: Vec::new(), seconds: 0.0 });
+                return;
+            }
+        };
+        let place = &request.look.at;
+        let is_long = self.seconds.get(place).is_none_or(|seconds| *seconds > LONG);
+        if is_long && let Some(document) = coarse(&staging.document, self.registry) {
+            match self.evaluate(id, request, &document, &staging) {
+                (Err(Error::Cancelled), ..) => return,
                 // What is wrong is wrong in full, too, and told then.
-                Err(_) => {}
-                result => self.told.tell(Event::Finished { id, level: Level::Coarse, result, reports, seconds }),
+                (Err(_), ..) => {}
+                (result, reports, seconds) => {
+                    self.told.tell(Event::Finished { id, level: Level::Coarse, result, reports, seconds });
+                }
             }
         }
-        let (result, reports, seconds) = self.evaluate(id, request);
+        let (result, reports, seconds) = self.evaluate(id, request, &staging.document, &staging);
         if !matches!(result, Err(Error::Cancelled)) {
-            self.seconds.insert(place, seconds);
+            self.seconds.insert(place.clone(), seconds);
         }
+        let is_shown = result.is_ok();
         self.told.tell(Event::Finished { id, level: Level::Full, result, reports, seconds });
+        if is_shown {
+            self.thumbs(request, &staging);
+        }
     }
 
-    fn evaluate(&self, id: u64, request: &Request) -> (Result<Value>, Vec<NodeReport>, f64) {
+    /// What a person can do nothing about is told as such, and ends neither window nor worker.
+    fn evaluate(
+        &self,
+        id: u64,
+        request: &Request,
+        document: &Document,
+        staging: &Staging,
+    ) -> (Result<Picture>, Vec<NodeReport>, f64) {
         let start = Instant::now();
         let mut reports = Vec::new();
-        let result = catch_unwind(AssertUnwindSafe(|| self.value(id, request, &mut reports)));
-        let result = result.unwrap_or_else(|_| {
-            let message = format!("\"{}\" could not be computed: a fault of the program", request.node);
+        let computed = || {
+            let shown = self.shown(id, request.frame, document, staging, &mut reports)?;
+            let developed = develop(&shown, &request.settings);
+            Ok(Picture { shown, developed })
+        };
+        let result = catch_unwind(AssertUnwindSafe(computed)).unwrap_or_else(|_| {
+            let message = format!("\"{}\" could not be computed: a fault of the program", request.look.at.0);
             Err(Error::compute(message, "save the recipe and report it; the recipe itself is not harmed"))
         });
+        reports.retain(|report| !is_own(&request.document, &report.node));
         (result, reports, start.elapsed().as_secs_f64())
     }
 
-    fn value(&self, id: u64, request: &Request, reports: &mut Vec<NodeReport>) -> Result<Value> {
-        let plan = Plan::new(&request.document.upstream(&request.node).refreshed()?, self.registry)?;
-        let target = plan.targets(std::slice::from_ref(&request.node))?;
+    fn shown(
+        &self,
+        id: u64,
+        frame: i64,
+        document: &Document,
+        staging: &Staging,
+        reports: &mut Vec<NodeReport>,
+    ) -> Result<Shown> {
+        let plan = Plan::new(document, self.registry)?;
+        let mut names: Vec<String> = staging.targets().into_iter().map(|(node, _)| node.to_owned()).collect();
+        names.sort();
+        names.dedup();
+        let targets = plan.targets(&names)?;
         let sink = Bars { id, told: self.told.clone(), bars: Mutex::default(), next: AtomicU64::new(1) };
         let context = Context { out: None, sink: &sink, cancel: &self.shared.cancel };
-        let values = self.evaluator.evaluate(&plan, &target, request.frame, &context, reports)?;
-        values.into_iter().flatten().nth(request.output).ok_or_else(|| {
-            let message = format!("\"{}\" has no output to be shown", request.node);
-            Error::usage(message, "show the node in front of it")
+        let values = self.evaluator.evaluate(&plan, &targets, frame, &context, reports)?;
+        let of = |node: &str, output: usize| {
+            let target = targets.iter().position(|target| plan.steps[*target].name == node)?;
+            values[target].get(output).cloned()
+        };
+        let given = |place: &Option<(String, usize)>| place.as_ref().and_then(|(node, output)| of(node, *output));
+        Shown::new(Parts {
+            picture: of(&staging.picture.0, staging.picture.1),
+            other: given(&staging.other),
+            mask: given(&staging.mask),
+            samples: staging.samples.as_ref().and_then(|samples| of(samples, 0)),
+            scene: given(&staging.scene),
         })
+    }
+
+    fn thumbs(&mut self, request: &Request, staging: &Staging) {
+        let remembered = || {
+            let plan = Plan::new(&staging.document, self.registry)?;
+            let steps: Vec<usize> = (0..plan.steps.len()).collect();
+            let remembered = self.evaluator.remembered(&plan, &steps, request.frame)?;
+            Ok::<_, Error>(plan.steps.into_iter().map(|step| step.name).zip(remembered).collect::<Vec<_>>())
+        };
+        let Ok(remembered) = remembered() else { return };
+        let mut thumbs = Vec::new();
+        for (node, found) in remembered {
+            let Some((key, values)) = found.filter(|_| !is_own(&request.document, &node)) else { continue };
+            if self.keys.insert(node.clone(), key) != Some(key) {
+                thumbs.push((node, values.first().and_then(thumb)));
+            }
+        }
+        if !thumbs.is_empty() {
+            self.told.tell(Event::Thumbs { thumbs });
+        }
     }
 }
 
 /// The recipe with fewer pixels, where that is to be had.
-fn coarse(document: &Document, node: &str, registry: &[NodeType]) -> Option<Document> {
+fn coarse(document: &Document, registry: &[NodeType]) -> Option<Document> {
     let view = registry.iter().find(|node_type| node_type.info.name == "view_samples")?;
     let defaults = (view.defaults)();
-    let mut document = document.upstream(node);
+    let mut document = document.clone();
     let mut changed = false;
     for entry in document.nodes.values_mut().filter(|entry| entry.kind == view.info.name) {
         for name in ["width", "height"] {
@@ -231,7 +307,7 @@ fn coarse(document: &Document, node: &str, registry: &[NodeType]) -> Option<Docu
         }
         entry.params.shift_remove("samples_per_pixel");
     }
-    changed.then_some(document)
+    changed.then(|| document.refreshed().ok()).flatten()
 }
 
 /// Passes progress on, a few times a second for each stage.
@@ -314,24 +390,24 @@ mod tests {
     }
 
     fn ask(document: Arc<Document>, node: &str) -> Request {
-        Request { document, node: node.to_owned(), output: 0, frame: 1 }
+        Request { document, look: Look::new(node, 0), frame: 1, settings: Settings::default() }
     }
 
     /// Until the full picture of a request; what comes before it.
-    fn finished(worker: &Worker, of: u64) -> (Vec<(u64, Level)>, Result<Value>) {
+    fn finished(worker: &Worker, of: u64) -> (Vec<(u64, Level)>, Result<Picture>) {
         let mut seen = Vec::new();
         loop {
             match worker.wait().expect("it lives") {
                 Event::Finished { id, level: Level::Full, result, .. } if id == of => return (seen, result),
                 Event::Finished { id, level, .. } => seen.push((id, level)),
-                Event::Progress { .. } => {}
+                Event::Progress { .. } | Event::Thumbs { .. } => {}
             }
         }
     }
 
-    fn width(value: &Value) -> usize {
-        let Value::Image(image) = value else { panic!("an image") };
-        image.width
+    fn width(picture: &Picture) -> usize {
+        assert_eq!(picture.developed.picture.width, picture.shown.picture.width);
+        picture.shown.picture.width
     }
 
     #[test]
@@ -371,9 +447,10 @@ mod tests {
         assert!(finished(&worker, id).1.is_err());
         let id = worker.request(ask(recipe(64, 2.0), "no_such_node"));
         assert!(finished(&worker, id).1.is_err());
-        let id = worker.request(Request { output: 7, ..ask(recipe(64, 2.0), "edit") });
+        let id = worker.request(Request { look: Look::new("lit", 7), ..ask(recipe(64, 2.0), "lit") });
         assert!(finished(&worker, id).1.is_err());
         let id = worker.request(ask(recipe(64, 2.0), "edit"));
-        assert!(matches!(finished(&worker, id).1.unwrap(), Value::Edits(_)));
+        let Err(error) = finished(&worker, id).1 else { panic!("edits are no picture") };
+        assert!(error.help().contains("relight"), "{}", error.help());
     }
 }

@@ -130,6 +130,17 @@ impl Evaluator {
         Ok(keyed.into_iter().map(|keyed| keyed.map(look)).collect())
     }
 
+    /// Key and outputs of all that the memory cache holds of the targets and of what they take from, without computing
+    /// anything; by step.
+    ///
+    /// # Errors
+    /// As `keys::keys`.
+    pub fn remembered(&self, plan: &Plan, targets: &[usize], frame: i64) -> Result<Vec<Option<(Key, Vec<Value>)>>> {
+        let keyed = keys::keys(plan, targets, frame as f64, &self.files)?;
+        let held = |key: Key| self.memory.outputs::<Outputs>(key).map(|outputs| (key, outputs.values.clone()));
+        Ok(keyed.into_iter().map(|keyed| keyed.and_then(|keyed| held(keyed.key))).collect())
+    }
+
     /// The outputs of each target at a frame. What happened to each node is added to `report`, also on failure.
     ///
     /// # Errors

@@ -153,7 +153,8 @@ impl Document {
 }
 
 impl NodeEntry {
-    pub(super) fn to_json(&self) -> Json {
+    /// As it is written.
+    pub fn to_json(&self) -> Json {
         let mut node = json!({ "type": self.kind });
         if !self.params.is_empty() {
             node["params"] = self.params.clone().into();

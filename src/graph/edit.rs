@@ -5,6 +5,7 @@ use crate::names::suggest;
 use crate::{Error, Result};
 use indexmap::IndexMap;
 use serde_json::{Map, Value as Json, json};
+use std::path::Path;
 
 /// `"node"` or `"node.port"`, apart.
 pub fn split(from: &str) -> (&str, Option<&str>) {
@@ -14,7 +15,12 @@ pub fn split(from: &str) -> (&str, Option<&str>) {
 impl Document {
     /// An empty recipe.
     pub fn empty() -> Self {
-        Self::parse(std::path::Path::new("untitled.json"), r#"{ "chiaro": 1, "nodes": {} }"#)
+        Self::empty_at(Path::new("untitled.json"))
+    }
+
+    /// An empty recipe for a file.
+    pub fn empty_at(file: &Path) -> Self {
+        Self::parse(file, r#"{ "chiaro": 1, "nodes": {} }"#)
             .unwrap_or_else(|error| unreachable!("an empty recipe is one: {error}"))
     }
 
@@ -184,9 +190,10 @@ impl Document {
         Ok(names.into_values().collect())
     }
 
-    /// The node and all that it takes from, as a recipe of its own; what is wrong elsewhere is not in it.
-    pub fn upstream(&self, node: &str) -> Self {
-        let keep: Vec<String> = self.nodes.keys().filter(|name| self.depends(node, name)).cloned().collect();
+    /// Some nodes and all that they take from, as a recipe of its own; what is wrong elsewhere is not in it.
+    pub fn upstream(&self, nodes: &[&str]) -> Self {
+        let wanted = |name: &str| nodes.iter().any(|node| self.depends(node, name));
+        let keep: Vec<String> = self.nodes.keys().filter(|name| wanted(name)).cloned().collect();
         let mut part = self.clone();
         part.nodes.retain(|name, _| keep.contains(name));
         part.layout.retain(|name, _| keep.contains(name));
@@ -207,7 +214,6 @@ impl Document {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
 
     fn parse(text: &str) -> Document {
         Document::parse(Path::new("x/test.json"), text).unwrap()
@@ -284,7 +290,7 @@ mod tests {
         assert_eq!(again.nodes, document.nodes);
         assert_eq!(again.nodes["d"].other["new_field"], json!([1, 2]));
         assert_eq!(again.to_text(), document.to_text());
-        let part = document.upstream("c");
+        let part = document.upstream(&["c"]);
         assert_eq!(part.nodes.keys().collect::<Vec<_>>(), ["a", "b", "c"]);
         assert!(part.problems.is_empty(), "the problem was in d");
     }

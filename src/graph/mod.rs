@@ -14,5 +14,6 @@ pub mod source;
 
 pub use curve::Curve;
 pub use document::{Comment, Document, NodeEntry, load};
+pub use edit::split;
 pub use plan::{Param, Plan, Step, Wire};
 pub use problem::{Place, Problem};

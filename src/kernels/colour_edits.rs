@@ -312,7 +312,7 @@ fn in_mask(words: &[u32], atom: usize) -> bool {
 }
 
 /// The curve at `x`; at least one knot.
-fn evaluate(curve: &[Knot], x: f32) -> f32 {
+pub fn evaluate(curve: &[Knot], x: f32) -> f32 {
     let (first, last) = (curve[0], curve[curve.len() - 1]);
     let y = if x <= first.x {
         first.y + (x - first.x) * first.slope

@@ -1,6 +1,6 @@
 //! Curves on the intensity of light: how a caster/receiver edit makes falloff softer or steeper (thesis 4.4.2).
 
-use crate::kernels::colour_edits::Knot;
+use crate::kernels::colour_edits::{Knot, evaluate};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -67,6 +67,14 @@ impl ToneCurve {
                 let steep = knots.iter().find(|knot| !(knot.y.is_finite() && knot.slope.is_finite()))?;
                 Some(format!("points about {} lie too close together: the curve is too steep for numbers", steep.x))
             }
+        }
+    }
+
+    /// What becomes of a luminance.
+    pub fn at(&self, luminance: f32) -> f32 {
+        match &self.knots()[..] {
+            [] => luminance,
+            knots => evaluate(knots, luminance),
         }
     }
 

@@ -1,0 +1,41 @@
+//! Nodes that go into wires that are there.
+
+use crate::Result;
+use crate::graph::Document;
+
+/// Adds a node that takes from `from` (as recipes write it), and leads to it all that took from there. Returns its name.
+///
+/// # Errors
+/// `Usage` when there is no node to take from.
+pub fn insert_after(document: &mut Document, from: &str, kind: &str, port: &str) -> Result<String> {
+    let (source, _) = crate::graph::split(from);
+    let beside = document.layout.get(source).copied().unwrap_or_default();
+    let name = document.add_node(kind, [beside[0] + 40.0, beside[1] + 110.0]);
+    for (other, entry) in &mut document.nodes {
+        if *other != name {
+            entry.inputs.values_mut().filter(|wire| *wire == from).for_each(|wire| wire.clone_from(&name));
+        }
+    }
+    document.connect(from, &name, port)?;
+    Ok(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn all_that_took_from_there_takes_from_the_new_node() {
+        let text = r#"{ "chiaro": 1, "nodes": {
+            "a": { "type": "scene" }, "b": { "type": "x", "inputs": { "i": "a", "j": "a.other" } },
+            "c": { "type": "x", "inputs": { "i": "a" } }
+        } }"#;
+        let mut document = Document::parse(Path::new("x.json"), text).unwrap();
+        let name = insert_after(&mut document, "a", "light", "scene").unwrap();
+        assert_eq!(document.nodes[&name].inputs["scene"], "a");
+        assert_eq!((&*document.nodes["b"].inputs["i"], &*document.nodes["c"].inputs["i"]), ("light", "light"));
+        assert_eq!(document.nodes["b"].inputs["j"], "a.other", "another output is another wire");
+        assert!(insert_after(&mut document, "gone", "light", "scene").is_err());
+    }
+}

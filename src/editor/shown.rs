@@ -1,0 +1,149 @@
+//! What a viewer has to show: a picture of a value, and what its pixels lie on.
+
+use crate::image::{Content, Image, Layer};
+use crate::scene::{Environment, Scene, SurfacePoint, cube};
+use crate::transport::Samples;
+use crate::transport::samples::reflectance;
+use crate::transport::shadow::Ratio;
+use crate::value::Value;
+use crate::{Error, Result};
+use glam::{Vec3, Vec4};
+use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
+
+#[derive(Clone)]
+pub struct Shown {
+    pub picture: Arc<Image>,
+    /// Of the same size, or another one.
+    pub other: Option<Arc<Image>>,
+    /// What pixels of the picture see; of as many pixels.
+    pub samples: Option<Arc<Samples>>,
+    pub scene: Option<Arc<Scene>>,
+    /// Weight of a selection in each pixel, [0, 1].
+    pub mask: Option<Arc<Vec<f32>>>,
+}
+
+/// What was computed for a viewer.
+#[derive(Default)]
+pub struct Parts {
+    pub picture: Option<Value>,
+    pub other: Option<Value>,
+    pub mask: Option<Value>,
+    pub samples: Option<Value>,
+    pub scene: Option<Value>,
+}
+
+impl Shown {
+    /// # Errors
+    /// `Usage` when the value is of a kind that has no picture.
+    pub fn new(parts: Parts) -> Result<Self> {
+        let samples = match parts.samples {
+            Some(Value::Samples(samples)) => Some(samples),
+            _ => None,
+        };
+        let scene = match parts.scene {
+            Some(Value::Scene(scene)) => Some(scene),
+            _ => None,
+        };
+        let view = samples.as_deref();
+        let picture = parts.picture.and_then(|value| picture(&value, scene.as_deref()));
+        let picture = picture.ok_or_else(|| Error::usage("there is no picture of this", "view another node"))?;
+        let same_size = |samples: &&Samples| (samples.width, samples.height) == (picture.width, picture.height);
+        let view = view.filter(same_size);
+        let mask = match (&parts.mask, view) {
+            (Some(Value::Selection(selection)), Some(samples)) if *selection.geometry() == samples.geometry => {
+                let weights = selection.weights(&samples.points);
+                let pixels = samples.resolve(|i| Vec4::splat(weights[i]));
+                Some(Arc::new(pixels.into_iter().map(|weight| weight.x).collect()))
+            }
+            _ => None,
+        };
+        let other = parts.other.and_then(|value| self::picture(&value, scene.as_deref()));
+        let samples = view.is_some().then_some(samples).flatten();
+        Ok(Self { picture, other, samples, scene, mask })
+    }
+
+    /// What a pixel sees: the sample in its middle, if it meets a surface.
+    pub fn point(&self, x: usize, y: usize) -> Option<&SurfacePoint> {
+        let samples = self.samples.as_ref()?;
+        let per_pixel = samples.per_pixel();
+        let point = samples.points.get((y * samples.width + x) * per_pixel + per_pixel / 2)?;
+        (x < samples.width && point.exists()).then_some(point)
+    }
+
+    /// Name of an object.
+    pub fn object(&self, point: &SurfacePoint) -> &str {
+        let names = self.scene.as_ref().map(|scene| &scene.geometry.objects);
+        names.and_then(|names| names.get(point.object as usize)).map_or("", String::as_str)
+    }
+
+    pub fn material(&self, point: &SurfacePoint) -> &str {
+        let names = self.scene.as_ref().map(|scene| &scene.geometry.material_names);
+        names.and_then(|names| names.get(point.material as usize)).map_or("", String::as_str)
+    }
+}
+
+/// `None` for values that have none.
+fn picture(value: &Value, scene: Option<&Scene>) -> Option<Arc<Image>> {
+    match value {
+        Value::Image(image) => Some(image.clone()),
+        Value::Samples(samples) => Some(Arc::new(clay(samples, scene))),
+        Value::Environment(environment) => Some(Arc::new(map(environment, 4 * environment.size))),
+        Value::Ratio(ratio) => Some(Arc::new(factors(ratio))),
+        _ => None,
+    }
+}
+
+/// Light that surfaces show of a lamp at the camera where they are turned away from it.
+const AMBIENT: f32 = 0.25;
+
+/// The surfaces as a lamp at the camera shows them, without shadows; with position (m), normal and distance (m).
+pub fn clay(samples: &Samples, scene: Option<&Scene>) -> Image {
+    let eye = samples.camera.position;
+    let of = scene.filter(|scene| scene.geometry.fingerprint == samples.geometry);
+    let colours =
+        of.map(|scene| reflectance(&scene.geometry, &scene.materials, &samples.points, &samples.barycentrics));
+    let points = &samples.points;
+    let lit = samples.resolve(|i| {
+        let point = &points[i];
+        if !point.exists() {
+            return Vec4::ZERO;
+        }
+        let colour = colours.as_ref().map_or(Vec3::splat(0.5), |colours| Vec4::from(colours[i]).truncate());
+        let way = (eye - Vec3::from(point.position)).normalize_or_zero();
+        // Texels are seen from nowhere: all alike.
+        let facing = if samples.atlas.is_some() { 1.0 } else { way.dot(point.normal.into()).abs() };
+        // Black and glossy things are to be seen, too.
+        (colour.max(Vec3::splat(0.08)) * (AMBIENT + (1.0 - AMBIENT) * facing)).extend(1.0)
+    });
+    let per_pixel = samples.per_pixel();
+    let middle = |pixel: usize| &points[pixel * per_pixel + per_pixel / 2];
+    let data = |of: &dyn Fn(&SurfacePoint) -> Vec<f32>| (0..lit.len()).flat_map(|pixel| of(middle(pixel))).collect();
+    let distance = |point: &SurfacePoint| if point.exists() { eye.distance(point.position.into()) } else { 0.0 };
+    let layers = vec![
+        Layer::new("", &["R", "G", "B", "A"], Content::Colour, lit.iter().flat_map(Vec4::to_array).collect()),
+        Layer::new("P", &["X", "Y", "Z"], Content::Data, data(&|point| point.position.to_vec())),
+        Layer::new("N", &["X", "Y", "Z"], Content::Data, data(&|point| point.normal.to_vec())),
+        Layer::new("Z", &["Z"], Content::Data, data(&|point| vec![distance(point)])),
+    ];
+    Image { width: samples.width, height: samples.height, layers, metadata: Vec::new() }
+}
+
+/// Of an environment, latitude over longitude, as `environment_image` lays it out.
+pub fn map(environment: &Environment, width: usize) -> Image {
+    let (width, height) = (width.max(2), (width / 2).max(1));
+    let at = |i: usize| {
+        let across = ((i % width) as f32 + 0.5) / width as f32;
+        let down = ((i / width) as f32 + 0.5) / height as f32;
+        let ((sin, cos), (up, out)) = (((across - 0.5) * TAU).sin_cos(), ((0.5 - down) * PI).sin_cos());
+        environment.radiance[cube::texel_at(Vec3::new(out * cos, up, out * sin), environment.size)]
+    };
+    let data = (0..width * height).flat_map(|i| at(i).into_iter().take(3)).collect();
+    Image { width, height, layers: vec![Layer::new("", &["R", "G", "B"], Content::Colour, data)], metadata: Vec::new() }
+}
+
+fn factors(ratio: &Ratio) -> Image {
+    let data = ratio.values.iter().flatten().copied().collect();
+    let layers = vec![Layer::new("", &["R", "G", "B", "A"], Content::Colour, data)];
+    Image { width: ratio.width, height: ratio.height, layers, metadata: Vec::new() }
+}

@@ -1,0 +1,452 @@
+//! Opening, saving, and all that could lose a recipe: windows that are closed, files that other programs change, programs
+//! that end too early.
+
+use super::commands::Command;
+use super::state::State;
+use crate::editor::keeper::Keeper;
+use crate::editor::recent::Recent;
+use crate::editor::recovery::{self, Left, Recovery};
+use crate::editor::{OnDisk, Session};
+use crate::graph::Document;
+use crate::params::NodeType;
+use crate::{Error, Result};
+use egui_file_dialog::{DialogState, FileDialog};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Where the editor keeps what is its own.
+#[derive(Clone, Debug)]
+pub struct Places {
+    pub folder: PathBuf,
+}
+
+impl Places {
+    fn recovery(&self) -> PathBuf {
+        self.folder.join("recovery")
+    }
+
+    fn recent(&self) -> PathBuf {
+        self.folder.join("recent")
+    }
+}
+
+/// What the first start opens: finished, and without files of its own.
+const EXAMPLE: &str = include_str!("../../../graphs/room_bleed.json");
+
+pub struct Files {
+    keeper: Option<Keeper>,
+    recent: Recent,
+    left: Vec<Left>,
+    dialog: Option<Dialog>,
+    /// To be done once it is settled what becomes of what is not saved.
+    waiting: Option<Next>,
+    on_disk: OnDisk,
+    looked: Instant,
+    kept: u64,
+    is_first_start: bool,
+    /// The window may close without another question.
+    leave: bool,
+}
+
+struct Dialog {
+    dialog: FileDialog,
+    purpose: Purpose,
+}
+
+enum Purpose {
+    Open,
+    Save,
+    /// The file of a node's parameter.
+    Param(String, String),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Next {
+    New,
+    Example,
+    Open(PathBuf),
+    PickFile,
+    Quit,
+}
+
+/// How often the file is looked at.
+const LOOK: Duration = Duration::from_secs(2);
+
+impl Files {
+    /// The recipe to start with: `file`, also one that does not exist yet; else the example on the first start.
+    ///
+    /// # Errors
+    /// `File` or `Graph` when it cannot be read.
+    pub fn start(places: Places, file: Option<PathBuf>, registry: &'static [NodeType]) -> Result<(Self, Session)> {
+        let is_first_start = !places.folder.join("started").exists();
+        let mut recent = Recent::read(&places.recent());
+        let session = match file {
+            Some(file) if file.exists() => {
+                let session = Session::open(&file, registry)?;
+                let _ = recent.note(&file);
+                session
+            }
+            Some(file) => Session::recovered(Document::empty_at(&file), Some(file), registry),
+            None if is_first_start => example(registry)?,
+            None => Session::new(registry),
+        };
+        let left = recovery::left(&places.recovery());
+        let keeper = match Recovery::new(&places.recovery()) {
+            Ok(recovery) => Some(Keeper::new(recovery)),
+            Err(error) => {
+                tracing::warn!("no autosave: {error}");
+                None
+            }
+        };
+        let _ = crate::atomic::write(&places.folder.join("started"), b"");
+        let files = Self {
+            keeper,
+            recent,
+            left,
+            dialog: None,
+            waiting: None,
+            on_disk: OnDisk::Same,
+            looked: Instant::now(),
+            kept: 0,
+            is_first_start,
+            leave: false,
+        };
+        Ok((files, session))
+    }
+
+    pub fn is_first_start(&self) -> bool {
+        self.is_first_start
+    }
+
+    /// Before anything is drawn: what the system asks for, and what has become of the file.
+    pub fn watch(&mut self, state: &mut State, ctx: &egui::Context) {
+        if ctx.input(|input| input.viewport().close_requested()) && !self.leave && state.session.is_unsaved() {
+            ctx.send_viewport_cmd(egui::ViewportCommand::CancelClose);
+            self.waiting = Some(Next::Quit);
+        }
+        if let Some(keeper) = &self.keeper {
+            if self.kept != state.session.version() {
+                self.kept = state.session.version();
+                match state.session.is_unsaved() {
+                    true => keeper.keep(state.session.document(), state.session.file().map(Path::to_owned)),
+                    false => keeper.forget(),
+                }
+            }
+            if let Some(error) = keeper.failed() {
+                state.complain(&error);
+            }
+        }
+        if self.looked.elapsed() > LOOK {
+            self.looked = Instant::now();
+            self.on_disk = state.session.on_disk();
+        }
+        ctx.request_repaint_after(LOOK);
+        let dropped = ctx.input(|input| input.raw.dropped_files.clone());
+        for file in &dropped {
+            self.dropped(state, file.path());
+        }
+    }
+
+    /// A recipe is opened; a scene or a picture becomes a node.
+    fn dropped(&mut self, state: &mut State, file: &Path) {
+        let suffix = file.extension().map(|suffix| suffix.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let kind = match suffix.as_str() {
+            "json" => return self.go(state, Next::Open(file.to_owned())),
+            "glb" | "gltf" => "scene",
+            "hdr" => "environment",
+            "exr" | "png" | "jpg" | "jpeg" => "read_image",
+            _ => {
+                let message = format!("{}: this is no recipe, scene or picture", file.display());
+                let help = "drop .json, .glb, .gltf, .exr, .hdr, .png or .jpg files";
+                return state.complain(&Error::usage(message, help));
+            }
+        };
+        let path = written(&state.document().base, file);
+        let at = super::graph::free_place(state);
+        let added = state.change(&format!("add {kind}"), None, |document| {
+            let name = document.add_node(kind, at);
+            document.set_param(&name, "file", Some(path.into()));
+            Ok(name)
+        });
+        if let Some(name) = added {
+            state.choose(&name);
+        }
+    }
+
+    /// Does what a command asks for; `false` when it is none of its own.
+    pub fn perform(&mut self, command: &Command, state: &mut State) -> bool {
+        match command {
+            Command::New => self.go(state, Next::New),
+            Command::Example => self.go(state, Next::Example),
+            Command::Open => self.go(state, Next::PickFile),
+            Command::OpenFile(file) => self.go(state, Next::Open(file.clone())),
+            Command::Quit => self.go(state, Next::Quit),
+            Command::Save if state.session.file().is_some() => drop(self.save(state, None)),
+            Command::Save | Command::SaveAs => self.pick(Purpose::Save, state),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Asks first when there is something to be lost.
+    fn go(&mut self, state: &mut State, next: Next) {
+        match state.session.is_unsaved() {
+            true => self.waiting = Some(next),
+            false => self.proceed(state, next),
+        }
+    }
+
+    fn proceed(&mut self, state: &mut State, next: Next) {
+        let registry = state.session.registry();
+        let session = match next {
+            Next::Quit => return self.leave = true,
+            Next::PickFile => return self.pick(Purpose::Open, state),
+            Next::New => Ok(Session::new(registry)),
+            Next::Example => example(registry),
+            Next::Open(file) => {
+                let session = Session::open(&file, registry);
+                let _ = if session.is_ok() { self.recent.note(&file) } else { self.recent.forget(&file) };
+                session
+            }
+        };
+        match session {
+            Ok(session) => self.replace(state, session),
+            Err(error) => state.complain(&error),
+        }
+    }
+
+    fn replace(&mut self, state: &mut State, session: Session) {
+        if let Some(keeper) = &self.keeper {
+            keeper.forget();
+        }
+        self.kept = session.version();
+        self.on_disk = OnDisk::Same;
+        *state = State::new(session);
+    }
+
+    /// Whether it was written.
+    fn save(&mut self, state: &mut State, file: Option<&Path>) -> bool {
+        let result = match file {
+            Some(file) => state.session.save_as(file),
+            None => state.session.save(),
+        };
+        match result {
+            Ok(()) => {
+                if let Some(file) = state.session.file() {
+                    let _ = self.recent.note(file);
+                }
+                if let Some(keeper) = &self.keeper {
+                    keeper.forget();
+                }
+                self.on_disk = OnDisk::Same;
+                state.tell("saved");
+                true
+            }
+            Err(error) => {
+                state.complain(&error);
+                false
+            }
+        }
+    }
+
+    fn pick(&mut self, purpose: Purpose, state: &State) {
+        let dialog = FileDialog::new().add_file_filter_extensions("Recipes", vec!["json"]);
+        let folder = std::path::absolute(&state.document().base).unwrap_or_default();
+        let mut dialog = dialog.initial_directory(folder);
+        match &purpose {
+            Purpose::Open => {
+                dialog = dialog.default_file_filter("Recipes");
+                dialog.pick_file();
+            }
+            Purpose::Save => {
+                let name = state.session.file().and_then(Path::file_name).map(|name| name.to_string_lossy());
+                dialog = dialog.default_file_name(name.as_deref().unwrap_or("untitled.json"));
+                dialog.save_file();
+            }
+            Purpose::Param(..) => dialog.pick_file(),
+        }
+        self.dialog = Some(Dialog { dialog, purpose });
+    }
+
+    /// Lets the user choose the file of a parameter.
+    pub fn pick_param(&mut self, state: &State, node: &str, param: &str) {
+        self.pick(Purpose::Param(node.to_owned(), param.to_owned()), state);
+    }
+
+    pub fn recent_menu(&self, state: &mut State, ui: &mut egui::Ui) {
+        ui.separator();
+        ui.menu_button("Recent", |ui| {
+            if self.recent.files().is_empty() {
+                ui.weak("none yet");
+            }
+            for file in self.recent.files() {
+                if ui.button(file.display().to_string()).clicked() {
+                    state.ask(Command::OpenFile(file.clone()));
+                    ui.close();
+                }
+            }
+        });
+    }
+
+    pub fn ui(&mut self, state: &mut State, ctx: &egui::Context) {
+        self.dialog_ui(state, ctx);
+        self.guard_ui(state, ctx);
+        self.disk_ui(state, ctx);
+        self.left_ui(state, ctx);
+        if self.leave {
+            if let Some(keeper) = &self.keeper {
+                keeper.forget();
+            }
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+    }
+
+    fn dialog_ui(&mut self, state: &mut State, ctx: &egui::Context) {
+        let Some(open) = &mut self.dialog else { return };
+        open.dialog.update(ctx);
+        let picked = open.dialog.take_picked();
+        if picked.is_none() && *open.dialog.state() == DialogState::Open {
+            return;
+        }
+        let purpose = self.dialog.take().map(|dialog| dialog.purpose);
+        match (purpose, picked) {
+            (Some(Purpose::Open), Some(file)) => self.proceed(state, Next::Open(file)),
+            (Some(Purpose::Save), Some(file)) => {
+                let is_saved = self.save(state, Some(&with_suffix(file)));
+                if let Some(next) = self.waiting.take().filter(|_| is_saved) {
+                    self.proceed(state, next);
+                }
+            }
+            (Some(Purpose::Param(node, param)), Some(file)) => {
+                let path = written(&state.document().base, &file);
+                state.change(&format!("{node}.{param}"), None, |document| {
+                    document.set_param(&node, &param, Some(path.into()));
+                    Ok(())
+                });
+            }
+            _ => {}
+        }
+    }
+
+    fn guard_ui(&mut self, state: &mut State, ctx: &egui::Context) {
+        if self.waiting.is_none() || self.dialog.is_some() {
+            return;
+        }
+        let name = state.session.file().map_or("This recipe".into(), |file| file.display().to_string());
+        let text = format!("{name} has changes that are not saved.");
+        match ask(ctx, "unsaved", &text, &["Save", "Discard changes", "Go back"]) {
+            Some(0) if state.session.file().is_none() => self.pick(Purpose::Save, state),
+            Some(0) => {
+                if self.save(state, None)
+                    && let Some(next) = self.waiting.take()
+                {
+                    self.proceed(state, next);
+                }
+            }
+            Some(1) => {
+                if let Some(next) = self.waiting.take() {
+                    self.proceed(state, next);
+                }
+            }
+            Some(_) => self.waiting = None,
+            None => {}
+        }
+    }
+
+    fn disk_ui(&mut self, state: &mut State, ctx: &egui::Context) {
+        let word = match self.on_disk {
+            OnDisk::Same => return,
+            OnDisk::Changed => "Another program has changed",
+            OnDisk::Gone => "Another program has moved or deleted",
+        };
+        let name = state.session.file().map(|file| file.display().to_string()).unwrap_or_default();
+        let choices: &[&str] =
+            if self.on_disk == OnDisk::Gone { &["Keep mine"] } else { &["Keep mine", "Read it again"] };
+        match ask(ctx, "on disk", &format!("{word} {name}."), choices) {
+            Some(0) => state.session.keep_mine(),
+            Some(_) => {
+                if let Err(error) = state.session.reload() {
+                    state.complain(&error);
+                    state.session.keep_mine();
+                }
+            }
+            None => return,
+        }
+        self.on_disk = OnDisk::Same;
+        self.looked = Instant::now();
+    }
+
+    fn left_ui(&mut self, state: &mut State, ctx: &egui::Context) {
+        let Some(left) = self.left.first() else { return };
+        let name = left.file.as_ref().map_or("an unnamed recipe".into(), |file| file.display().to_string());
+        let minutes = left.seconds_ago / 60;
+        let text = format!("chiaro ended {minutes} minutes ago before {name} was saved.");
+        let Some(choice) = ask(ctx, "left", &text, &["Recover it", "Discard it", "Later"]) else { return };
+        let left = self.left.remove(0);
+        match choice {
+            0 => {
+                let session =
+                    Session::recovered(left.document.clone(), left.file.clone(), state.session.registry());
+                self.replace(state, session);
+                // Kept by this window before the other's is let go.
+                if let Some(keeper) = &self.keeper {
+                    keeper.keep(state.session.document(), left.file.clone());
+                }
+                left.discard();
+            }
+            1 => left.discard(),
+            _ => {}
+        }
+    }
+}
+
+/// A question that must be answered; the number of the answer.
+fn ask(ctx: &egui::Context, id: &str, text: &str, answers: &[&str]) -> Option<usize> {
+    let modal = egui::Modal::new(egui::Id::new(id)).show(ctx, |ui| {
+        ui.set_max_width(420.0);
+        ui.label(text);
+        ui.add_space(8.0);
+        ui.horizontal(|ui| answers.iter().position(|answer| ui.button(*answer).clicked())).inner
+    });
+    modal.inner
+}
+
+fn example(registry: &'static [NodeType]) -> Result<Session> {
+    let document = Document::parse(Path::new("untitled.json"), EXAMPLE)?;
+    Ok(Session::new_of(document, registry))
+}
+
+/// A path as a recipe has it: from its own folder, where the file lies in it or beside it.
+fn written(base: &Path, file: &Path) -> String {
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let (base, file) = (absolute(base), absolute(file));
+    let shared = base.iter().zip(file.iter()).take_while(|(a, b)| a == b).count();
+    let up = base.iter().count() - shared;
+    if shared <= 1 || up > 3 {
+        return file.display().to_string();
+    }
+    let rest: PathBuf = std::iter::repeat_n("..".as_ref(), up).chain(file.iter().skip(shared)).collect();
+    rest.display().to_string().replace('\\', "/")
+}
+
+fn with_suffix(file: PathBuf) -> PathBuf {
+    if file.extension().is_some() { file } else { file.with_extension("json") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_written_from_the_recipe_s_folder() {
+        for (base, file, path) in [
+            ("/a/b", "/a/b/c.glb", "c.glb"),
+            ("/a/b", "/a/b/d/c.glb", "d/c.glb"),
+            ("/a/b", "/a/e/c.glb", "../e/c.glb"),
+            ("/a/b", "/x/c.glb", "/x/c.glb"),
+            ("/a/b/c/d/e", "/a/x.glb", "/a/x.glb"),
+        ] {
+            assert_eq!(written(Path::new(base), Path::new(file)), path);
+        }
+    }
+}

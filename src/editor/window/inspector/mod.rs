@@ -1,0 +1,307 @@
+//! The chosen node, made from its own description: parameters with units, ranges, words, reset and keys; what its inputs
+//! take from; what is wrong, and what to do about it.
+
+mod curve;
+mod field;
+mod inputs;
+
+use super::commands::Command;
+use super::help::Help;
+use super::look::{self, named};
+use super::state::State;
+use crate::editor::hands::find::{SHADOW_EDITS, edit_shadow};
+use crate::editor::hands::handles::begun;
+use crate::editor::keys;
+use crate::fields::{Field, fields};
+use crate::params::NodeType;
+use egui::{RichText, Ui, WidgetType};
+use serde_json::Value as Json;
+use std::collections::HashMap;
+
+#[derive(Default)]
+pub struct Inspector {
+    /// Of each type, read once.
+    fields: HashMap<&'static str, Vec<Field>>,
+    /// Texts that are being typed, by what they belong to.
+    drafts: field::Drafts,
+}
+
+impl Inspector {
+    pub fn ui(&mut self, state: &mut State, help: &mut Help, ui: &mut Ui) {
+        egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            ui.set_width(ui.available_width());
+            match (state.chosen().map(str::to_owned), state.comment) {
+                (Some(node), _) => self.node(state, help, &node, ui),
+                (None, Some(number)) => comment(state, number, ui),
+                (None, None) => self.recipe(state, ui),
+            }
+        });
+    }
+
+    fn node(&mut self, state: &mut State, help: &mut Help, node: &str, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            let label = ui.label("Name").id;
+            let typed = self.drafts.line(ui, &format!("name of {node}"), node, 140.0);
+            if let Some(name) = typed.done
+                && state.change("rename", None, |document| document.rename(node, &name)).is_some()
+            {
+                renamed(state, node, &name);
+            }
+            typed.response.labelled_by(label);
+        });
+        let Some(entry) = state.entry(node).cloned() else { return };
+        ui.horizontal(|ui| {
+            ui.label(RichText::new(&entry.kind).strong());
+            let mut muted = entry.muted;
+            if ui.checkbox(&mut muted, "Muted").changed() {
+                state.ask(Command::Mute);
+            }
+            if ui.button("View").clicked() {
+                state.ask(Command::View);
+            }
+            if let Some(node_type) = state.node_type(node)
+                && ui.small_button("?").on_hover_text("what this node does").clicked()
+            {
+                help.explain(node_type.info);
+            }
+        });
+        troubles(state, node, ui);
+        let Some(node_type) = state.node_type(node) else {
+            ui.label("This version does not know this type of node. It is kept as it is, and saved back unharmed.");
+            let text = serde_json::to_string_pretty(&entry.to_json()).unwrap_or_default();
+            ui.label(RichText::new(text).monospace().size(11.0));
+            return;
+        };
+        ui.label(RichText::new(node_type.info.summary).weak());
+        ui.separator();
+        self.params(state, node, node_type, ui);
+        tools(state, node, &entry.kind, ui);
+        ui.separator();
+        inputs::ui(state, node, ui);
+        known(state, node, ui);
+    }
+
+    fn params(&mut self, state: &mut State, node: &str, node_type: &'static NodeType, ui: &mut Ui) {
+        let all = self.fields.entry(node_type.info.name).or_insert_with(|| fields(node_type)).clone();
+        for field in &all {
+            ui.push_id(&field.name, |ui| self.param(state, node, field, ui));
+        }
+    }
+
+    fn param(&mut self, state: &mut State, node: &str, field: &Field, ui: &mut Ui) {
+        let Some(entry) = state.entry(node) else { return };
+        let given = entry.params.get(&field.name).cloned();
+        let frame = state.frame;
+        let keyed = keys::keys(state.document(), node, &field.name);
+        let value = given.as_ref().map_or_else(|| field.default.clone(), |given| keys::value_at(given, frame as f64));
+        let mut asked = None;
+        ui.horizontal(|ui| {
+            let at_key = keyed.as_ref().is_some_and(|keys| keys.iter().any(|(key, _)| *key == frame as f64));
+            let diamond = match (&keyed, at_key) {
+                (_, true) => "◆",
+                (Some(_), false) => "◈",
+                (None, _) => "◇",
+            };
+            let diamond = ui.add(egui::Button::new(diamond).frame(false));
+            let words = if at_key { "takes the key at this frame out" } else { "sets a key at this frame" };
+            let name = format!("key of {}", field.name);
+            if named(diamond, WidgetType::Button, name).on_hover_text(words).clicked() {
+                asked = Some(if at_key { Asked::RemoveKey } else { Asked::Key });
+            }
+            let title = RichText::new(&field.name);
+            let title = if given.is_some() { title.strong() } else { title.weak() };
+            ui.label(title).on_hover_text(words_of(field));
+            if given.is_some() {
+                let reset = ui.add(egui::Button::new("↺").frame(false));
+                let reset = named(reset, WidgetType::Button, format!("reset {}", field.name));
+                if reset.on_hover_text(format!("back to {}", field.default)).clicked() {
+                    asked = Some(Asked::Reset);
+                }
+            }
+        });
+        let changed = field::ui(&mut self.drafts, node, field, &value, ui);
+        if let Some(changed) = changed.value {
+            let mark = format!("{node}.{}", field.name);
+            state.change(&format!("{node}.{}", field.name), Some(&mark), |document| {
+                keys::set(document, node, &field.name, changed, frame);
+                Ok(())
+            });
+        }
+        if changed.pick_file {
+            state.pick_file = Some((node.to_owned(), field.name.clone()));
+        }
+        if changed.is_over {
+            state.session.end_drag();
+        }
+        let Some(asked) = asked else { return };
+        state.change(&format!("{node}.{}", field.name), None, |document| {
+            match asked {
+                Asked::Key => keys::set_key(document, node, &field.name, value, frame as f64),
+                Asked::RemoveKey => keys::remove_key(document, node, &field.name, frame as f64),
+                Asked::Reset => document.set_param(node, &field.name, None),
+            }
+            Ok(())
+        });
+    }
+
+    /// Nothing is chosen: the recipe itself.
+    fn recipe(&mut self, state: &mut State, ui: &mut Ui) {
+        ui.heading("Recipe");
+        let document = state.document();
+        ui.label(format!("{} nodes", document.nodes.len()));
+        let (mut frames, mut fps) = (document.frames, document.fps);
+        ui.horizontal(|ui| {
+            ui.label("Frames");
+            named(ui.add(egui::DragValue::new(&mut frames[0])), WidgetType::DragValue, "first frame");
+            ui.label("to");
+            named(ui.add(egui::DragValue::new(&mut frames[1])), WidgetType::DragValue, "last frame");
+        });
+        ui.horizontal(|ui| {
+            ui.label("Frames per second");
+            let speed = egui::DragValue::new(&mut fps).range(0.1..=1000.0).speed(0.1);
+            named(ui.add(speed), WidgetType::DragValue, "frames per second");
+        });
+        frames[1] = frames[1].max(frames[0]);
+        if (frames, fps) != (document.frames, document.fps) {
+            state.change("frames", Some("frames"), |document| {
+                (document.frames, document.fps) = (frames, fps);
+                Ok(())
+            });
+        }
+        let problems: Vec<(String, String)> = state
+            .session
+            .problems_of_whole()
+            .iter()
+            .map(|problem| (problem.message.clone(), problem.help.clone()))
+            .collect();
+        problems.iter().for_each(|(message, help)| trouble(message, help, ui));
+        ui.separator();
+        ui.weak("Choose a node to see its parameters. Tab over the graph adds one.");
+    }
+}
+
+enum Asked {
+    Key,
+    RemoveKey,
+    Reset,
+}
+
+/// Unit, range and words of a parameter.
+fn words_of(field: &Field) -> String {
+    let mut text = field.doc.clone();
+    if !field.unit.is_empty() {
+        text += &format!("\nUnit: {}", field.unit);
+    }
+    if let crate::fields::Shape::Number(range) = &field.shape {
+        let end = |end: Option<f64>| end.map_or("…".to_owned(), |end| end.to_string());
+        if range.least.is_some() || range.most.is_some() {
+            text += &format!("\nFrom {} to {}", end(range.least), end(range.most));
+        }
+    }
+    if field.default != Json::Null {
+        text += &format!("\nDefault: {}", field.default);
+    }
+    text
+}
+
+/// What is chosen and viewed goes by the new name.
+fn renamed(state: &mut State, old: &str, new: &str) {
+    for name in &mut state.selected {
+        if name == old {
+            new.clone_into(name);
+        }
+    }
+    if let Some((node, _)) = &mut state.viewed
+        && node == old
+    {
+        new.clone_into(node);
+    }
+    if let Some(known) = state.known.remove(old) {
+        state.known.insert(new.to_owned(), known);
+    }
+}
+
+fn troubles(state: &State, node: &str, ui: &mut Ui) {
+    for problem in state.session.problems_of(node) {
+        trouble(&problem.message, &problem.help, ui);
+    }
+    let Some(known) = state.known.get(node) else { return };
+    if let Some((message, help)) = &known.error {
+        trouble(message, help, ui);
+    }
+    for warning in &known.warnings {
+        ui.colored_label(ui.visuals().warn_fg_color, format!("⚠ {warning}"));
+    }
+}
+
+fn trouble(message: &str, help: &str, ui: &mut Ui) {
+    ui.colored_label(ui.visuals().error_fg_color, format!("⚠ {message}"));
+    if !help.is_empty() {
+        ui.label(help);
+    }
+}
+
+/// Buttons that bring handles into the picture, or lead on from what was found.
+fn tools(state: &mut State, node: &str, kind: &str, ui: &mut Ui) {
+    let aspect = state.last.as_ref().map_or(4.0 / 3.0, |shown| {
+        shown.picture.width as f32 / shown.picture.height.max(1) as f32
+    });
+    if let Some((param, value)) = begun(kind, aspect)
+        && state.entry(node).is_some_and(|entry| entry.params.get(param).is_none_or(Json::is_null))
+    {
+        let label = if param == "corners" { "Pull by the corners" } else { "Draw a gradient" };
+        if ui.button(label).clicked() {
+            state.change(label, None, |document| {
+                document.set_param(node, param, Some(value));
+                Ok(())
+            });
+        }
+    }
+    if kind == "localize_light" {
+        ui.separator();
+        ui.label("Its shadow:");
+        ui.horizontal_wrapped(|ui| {
+            for (kind, label) in SHADOW_EDITS {
+                if ui.button(label).clicked()
+                    && let Some(edit) = state.change(label, None, |document| edit_shadow(document, node, kind))
+                {
+                    state.choose(&edit);
+                }
+            }
+        });
+    }
+    if kind == "paint" && ui.button("Find light").on_hover_text("the light of the shadow that is painted").clicked() {
+        state.ask(Command::FindLight);
+    }
+}
+
+fn known(state: &State, node: &str, ui: &mut Ui) {
+    let Some(known) = state.known.get(node) else { return };
+    let Some(seconds) = known.seconds else { return };
+    let size = known.bytes as f64 / f64::from(1 << 20);
+    ui.separator();
+    ui.weak(format!("computed in {}, {size:.1} MiB", look::seconds(seconds)));
+}
+
+fn comment(state: &mut State, number: usize, ui: &mut Ui) {
+    let Some(comment) = state.document().comments.get(number) else { return };
+    ui.heading("Comment");
+    let mut text = comment.text.clone();
+    let mut size = comment.size;
+    let label = ui.label("Text").id;
+    ui.text_edit_multiline(&mut text).labelled_by(label);
+    ui.horizontal(|ui| {
+        ui.label("Size");
+        named(ui.add(egui::DragValue::new(&mut size[0]).range(60.0..=1e5)), WidgetType::DragValue, "comment width");
+        named(ui.add(egui::DragValue::new(&mut size[1]).range(40.0..=1e5)), WidgetType::DragValue, "comment height");
+    });
+    if (&text, size) != (&comment.text, comment.size) {
+        state.change("comment", Some("comment"), |document| {
+            (document.comments[number].text, document.comments[number].size) = (text, size);
+            Ok(())
+        });
+    }
+    if ui.button("Delete comment").clicked() {
+        state.ask(Command::Delete);
+    }
+}

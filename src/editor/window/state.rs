@@ -1,0 +1,318 @@
+//! What all panes share: the recipe, what is chosen in it, and what is known of its nodes.
+
+use super::commands::Command;
+use crate::editor::look::Output;
+use crate::editor::worker::Event;
+use crate::editor::{Session, shown::Shown, thumb::Thumb};
+use crate::eval::{CacheUse, NodeReport};
+use crate::graph::{Document, NodeEntry};
+use crate::node::Info;
+use crate::params::NodeType;
+use crate::value::Kind;
+use crate::{Error, Result};
+use egui_notify::Toasts;
+use std::collections::HashMap;
+use std::time::Duration;
+
+pub struct State {
+    pub session: Session,
+    /// Names of nodes, the last chosen at the end: the one that the inspector shows.
+    pub selected: Vec<String>,
+    /// Number of a comment, chosen in place of nodes.
+    pub comment: Option<usize>,
+    /// What viewers show that are not held to a node of their own.
+    pub viewed: Option<Output>,
+    pub frame: i64,
+    pub playing: bool,
+    pub tool: Tool,
+    pub brush: Brush,
+    pub known: HashMap<String, Known>,
+    /// Of an evaluation that runs.
+    pub progress: Option<Progress>,
+    pub toasts: Toasts,
+    /// Asked for by widgets; done once all panes are drawn.
+    pub asked: Vec<Command>,
+    /// The surfaces that the main viewer shows last, for tools that need a scene.
+    pub last: Option<Shown>,
+    /// The main viewer shows the frame in full.
+    pub is_shown: bool,
+    /// A node's parameter whose file is to be chosen.
+    pub pick_file: Option<(String, String)>,
+}
+
+/// What evaluation has told of a node.
+#[derive(Default)]
+pub struct Known {
+    /// Of its last computation.
+    pub seconds: Option<f64>,
+    pub cache: Option<CacheUse>,
+    pub bytes: u64,
+    pub warnings: Vec<String>,
+    pub error: Option<(String, String)>,
+    pub thumb: Option<egui::TextureHandle>,
+}
+
+pub struct Progress {
+    pub node: String,
+    pub stage: String,
+    pub done: u64,
+    pub total: u64,
+}
+
+/// What a press on the picture does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tool {
+    /// Looks at pixels, chooses objects, and moves the handles of the chosen node.
+    #[default]
+    Point,
+    Brush,
+    Light,
+}
+
+impl Tool {
+    pub const ALL: [Tool; 3] = [Tool::Point, Tool::Brush, Tool::Light];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Point => "Point",
+            Self::Brush => "Brush",
+            Self::Light => "Light",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Brush {
+    /// Metres; with `adaptive` a factor of the distance to what is around.
+    pub radius: f32,
+    pub hardness: f32,
+    pub value: f32,
+    pub erase: bool,
+    pub adaptive: bool,
+}
+
+impl Default for Brush {
+    fn default() -> Self {
+        Self { radius: 0.25, hardness: 0.5, value: 1.0, erase: false, adaptive: false }
+    }
+}
+
+/// A port as it is drawn; of a node of an unknown type as far as the recipe tells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PortView {
+    pub name: String,
+    pub kind: Option<Kind>,
+    pub optional: bool,
+    pub doc: &'static str,
+}
+
+impl State {
+    pub fn new(session: Session) -> Self {
+        let frame = session.document().frames[0];
+        let mut state = Self {
+            session,
+            selected: Vec::new(),
+            comment: None,
+            viewed: None,
+            frame,
+            playing: false,
+            tool: Tool::Point,
+            brush: Brush::default(),
+            known: HashMap::new(),
+            progress: None,
+            toasts: Toasts::default(),
+            asked: Vec::new(),
+            last: None,
+            is_shown: false,
+            pick_file: None,
+        };
+        state.view_something();
+        state
+    }
+
+    pub fn document(&self) -> &Document {
+        self.session.document()
+    }
+
+    pub fn entry(&self, node: &str) -> Option<&NodeEntry> {
+        self.document().nodes.get(node)
+    }
+
+    /// The node that the inspector shows and handles belong to.
+    pub fn chosen(&self) -> Option<&str> {
+        self.selected.last().map(String::as_str)
+    }
+
+    pub fn choose(&mut self, node: &str) {
+        self.selected = vec![node.to_owned()];
+        self.comment = None;
+    }
+
+    pub fn ask(&mut self, command: Command) {
+        self.asked.push(command);
+    }
+
+    /// Changes the recipe and tells what stands against it. Changes in a row with the same `mark` are undone as one.
+    pub fn change<T>(
+        &mut self,
+        label: &str,
+        mark: Option<&str>,
+        change: impl FnOnce(&mut Document) -> Result<T>,
+    ) -> Option<T> {
+        match self.session.change(label, mark, change) {
+            Ok(value) => Some(value),
+            Err(error) => {
+                self.complain(&error);
+                None
+            }
+        }
+    }
+
+    pub fn complain(&mut self, error: &Error) {
+        let text = match error.help() {
+            "" => error.to_string(),
+            help => format!("{error}\n{help}"),
+        };
+        // Long enough to be read.
+        self.toasts.error(text).duration(Duration::from_secs(12));
+    }
+
+    pub fn tell(&mut self, text: impl Into<String>) {
+        self.toasts.info(text.into()).duration(Duration::from_secs(4));
+    }
+
+    /// What is gone is no longer chosen or viewed; called after every change.
+    pub fn tidy(&mut self) {
+        let document = self.session.document().clone();
+        self.selected.retain(|name| document.nodes.contains_key(name));
+        self.known.retain(|name, _| document.nodes.contains_key(name));
+        self.comment = self.comment.filter(|number| *number < document.comments.len());
+        if self.viewed.as_ref().is_none_or(|(node, _)| !document.nodes.contains_key(node)) {
+            self.view_something();
+        }
+    }
+
+    /// The last picture that the recipe makes, if any.
+    fn view_something(&mut self) {
+        let of_kind = |wanted: &[Kind]| {
+            let document = self.session.document();
+            let taken = |name: &str| {
+                let inputs = document.nodes.values().filter(|entry| entry.kind != "write_image");
+                inputs.flat_map(|entry| entry.inputs.values()).any(|from| crate::graph::split(from).0 == name)
+            };
+            let fits = |name: &&String| {
+                let info = self.session.info(name);
+                info.and_then(|info| info.outputs.first()).is_some_and(|port| wanted.contains(&port.kind))
+            };
+            let mut names: Vec<&String> = document.nodes.keys().filter(fits).collect();
+            names.sort_by_key(|name| !taken(name));
+            names.last().map(|name| ((*name).clone(), 0))
+        };
+        self.viewed = of_kind(&[Kind::Image]).or_else(|| of_kind(&[Kind::Samples, Kind::Environment, Kind::Scene]));
+    }
+
+    pub fn inputs(&self, node: &str) -> Vec<PortView> {
+        match self.session.info(node) {
+            Some(info) => info.inputs.iter().map(PortView::of).collect(),
+            None => {
+                let named = self.entry(node).into_iter().flat_map(|entry| entry.inputs.keys());
+                named.map(|name| PortView::unknown(name)).collect()
+            }
+        }
+    }
+
+    pub fn outputs(&self, node: &str) -> Vec<PortView> {
+        match self.session.info(node) {
+            Some(info) => info.outputs.iter().map(PortView::of).collect(),
+            None => {
+                let wires = self.document().nodes.values().flat_map(|entry| entry.inputs.values());
+                let mut ports: Vec<&str> = wires
+                    .map(|from| crate::graph::split(from))
+                    .filter(|(from, _)| *from == node)
+                    .map(|(_, port)| port.unwrap_or(""))
+                    .collect();
+                ports.sort_unstable();
+                ports.dedup();
+                ports.into_iter().map(PortView::unknown).collect()
+            }
+        }
+    }
+
+    /// The number of the output that `"node"` or `"node.port"` names.
+    pub fn output_number(&self, from: &str) -> Option<Output> {
+        let (node, port) = crate::graph::split(from);
+        let outputs = self.outputs(node);
+        let number = match port {
+            Some(port) => outputs.iter().position(|output| output.name == port)?,
+            None => 0,
+        };
+        (number < outputs.len()).then(|| (node.to_owned(), number))
+    }
+
+    /// As it is written in a recipe: without the port where it is the first.
+    pub fn output_text(&self, (node, number): &Output) -> String {
+        match self.outputs(node).get(*number) {
+            Some(port) if *number > 0 => format!("{node}.{}", port.name),
+            _ => node.clone(),
+        }
+    }
+
+    /// What a worker has told.
+    pub fn hear(&mut self, event: &Event, ctx: &egui::Context) {
+        match event {
+            Event::Progress { node, stage, done, total, .. } => {
+                let (node, stage) = (node.clone(), stage.clone());
+                self.progress = Some(Progress { node, stage, done: *done, total: *total });
+            }
+            Event::Finished { result, reports, .. } => {
+                self.progress = None;
+                reports.iter().for_each(|report| self.note(report));
+                if let Err(Error::AtNode { node, error, .. }) = result {
+                    let told = (error.to_string(), error.help().to_owned());
+                    self.known.entry(node.clone()).or_default().error = Some(told);
+                }
+            }
+            Event::Thumbs { thumbs } => {
+                for (node, thumb) in thumbs {
+                    let texture = thumb.as_ref().map(|thumb| texture(ctx, node, thumb));
+                    self.known.entry(node.clone()).or_default().thumb = texture;
+                }
+            }
+        }
+    }
+
+    fn note(&mut self, report: &NodeReport) {
+        let known = self.known.entry(report.node.clone()).or_default();
+        known.cache = Some(report.cache);
+        known.bytes = report.bytes;
+        if report.cache == CacheUse::Computed {
+            known.seconds = Some(report.seconds);
+        }
+        let warnings = report.notes.get("warnings").and_then(|list| list.as_array());
+        let texts = warnings.into_iter().flatten().filter_map(|text| text.as_str());
+        known.warnings = texts.map(str::to_owned).collect();
+    }
+
+    pub fn node_type(&self, node: &str) -> Option<&'static NodeType> {
+        self.session.node_type(&self.entry(node)?.kind)
+    }
+
+    pub fn info(&self, node: &str) -> Option<&'static Info> {
+        self.session.info(node)
+    }
+}
+
+impl PortView {
+    fn of(port: &crate::node::Port) -> Self {
+        Self { name: port.name.to_owned(), kind: Some(port.kind), optional: port.optional, doc: port.doc }
+    }
+
+    fn unknown(name: &str) -> Self {
+        Self { name: name.to_owned(), kind: None, optional: true, doc: "" }
+    }
+}
+
+fn texture(ctx: &egui::Context, node: &str, thumb: &Thumb) -> egui::TextureHandle {
+    let image = egui::ColorImage::from_rgba_unmultiplied([thumb.width, thumb.height], thumb.pixels.as_flattened());
+    ctx.load_texture(format!("thumb of {node}"), image, egui::TextureOptions::LINEAR)
+}

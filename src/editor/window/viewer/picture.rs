@@ -1,0 +1,205 @@
+//! Where pixels lie on the screen: zoom, pan, wipe and split; and what is drawn over them.
+
+use super::{Camera, Compare, Engine, Viewer, probe, tools};
+use crate::editor::window::look::named;
+use crate::editor::window::state::State;
+use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Sense, Stroke, Ui, WidgetType, pos2, vec2};
+use glam::Vec2;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct View {
+    /// Points of the screen to a pixel of the picture; none: as large as there is room.
+    pub zoom: Option<f32>,
+    /// What lies in the middle of the pane, in pixels from that of the picture.
+    pub centre: Vec2,
+}
+
+/// From pixels of the picture to points of the screen.
+#[derive(Clone, Copy, Debug)]
+pub struct Mapping {
+    pub pane: Rect,
+    /// Pixels.
+    pub size: Vec2,
+    pub zoom: f32,
+    centre: Vec2,
+}
+
+impl Mapping {
+    pub fn new(view: &View, pane: Rect, size: Vec2) -> Self {
+        let fit = (pane.width() / size.x).min(pane.height() / size.y).max(1e-4);
+        let (zoom, centre) = match view.zoom {
+            Some(zoom) => (zoom, view.centre),
+            None => (fit, Vec2::ZERO),
+        };
+        Self { pane, size, zoom, centre }
+    }
+
+    pub fn to_screen(&self, at: Vec2) -> Pos2 {
+        let off = (at - 0.5 * self.size - self.centre) * self.zoom;
+        self.pane.center() + vec2(off.x, off.y)
+    }
+
+    pub fn to_picture(&self, at: Pos2) -> Vec2 {
+        let off = at - self.pane.center();
+        Vec2::new(off.x, off.y) / self.zoom + self.centre + 0.5 * self.size
+    }
+
+    pub fn rect(&self) -> Rect {
+        Rect::from_min_max(self.to_screen(Vec2::ZERO), self.to_screen(self.size))
+    }
+}
+
+/// Nearest and farthest zoom.
+const ZOOM: [f32; 2] = [0.02, 64.0];
+
+pub fn ui(viewer: &mut Viewer, state: &mut State, engine: &Engine, ui: &mut Ui) {
+    let foot = 20.0;
+    let available = ui.available_rect_before_wrap();
+    let pane = available.with_max_y(available.max.y - foot);
+    let response = ui.allocate_rect(pane, Sense::click_and_drag());
+    let label = if viewer.is_main() { "picture".to_owned() } else { format!("picture {}", viewer.number) };
+    let response = named(response, WidgetType::Image, label);
+    let painter = ui.painter_at(pane);
+    painter.rect_filled(pane, 0.0, ui.visuals().extreme_bg_color);
+    let size = viewer.shown.as_ref().map(|shown| {
+        let (width, height) = (shown.picture.width, shown.picture.height);
+        Vec2::new(width as f32, height as f32)
+    });
+    if let (Some(size), Some(_)) = (size, &viewer.textures[0]) {
+        let mapping = Mapping::new(&viewer.view, pane, size);
+        draw(viewer, &mapping, &painter);
+        // A hand that works on the picture does not move it.
+        if !tools::ui(viewer, state, engine, &mapping, &response, ui) {
+            navigate(viewer, &mapping, &response, ui);
+        }
+    }
+    message(viewer, state, &painter, pane);
+    let foot = available.with_min_y(pane.max.y);
+    let at = response.hover_pos();
+    let text = match (at, size) {
+        (Some(at), Some(size)) => {
+            let mapping = Mapping::new(&viewer.view, pane, size);
+            probe::text(viewer, mapping.to_picture(at))
+        }
+        _ => None,
+    };
+    let text = text.unwrap_or_else(|| size.map_or(String::new(), |size| format!("{} x {}", size.x, size.y)));
+    ui.put(foot, egui::Label::new(egui::RichText::new(text).monospace().size(11.0)).truncate().halign(egui::Align::Min));
+}
+
+fn draw(viewer: &Viewer, mapping: &Mapping, painter: &egui::Painter) {
+    let [Some(a), b] = &viewer.textures else { return };
+    let uv = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    let rect = mapping.rect();
+    let Some(b) = b else {
+        painter.image(a.id(), rect, uv, Color32::WHITE);
+        return;
+    };
+    match viewer.compare {
+        Compare::Other => painter.image(b.id(), rect, uv, Color32::WHITE),
+        Compare::Split => {
+            let [left, right] = [0.25, 0.75].map(|at| {
+                let middle = pos2(mapping.pane.left() + at * mapping.pane.width(), mapping.pane.center().y);
+                let scale = 0.5 * (mapping.pane.width() / rect.width()).min(2.0);
+                Rect::from_center_size(middle, rect.size() * scale)
+            });
+            painter.image(a.id(), left, uv, Color32::WHITE);
+            painter.image(b.id(), right, uv, Color32::WHITE)
+        }
+        Compare::Wipe(at) => {
+            let x = rect.left() + at * rect.width();
+            painter.image(b.id(), rect, uv, Color32::WHITE);
+            painter.with_clip_rect(painter.clip_rect().intersect(rect.with_max_x(x))).image(
+                a.id(),
+                rect,
+                uv,
+                Color32::WHITE,
+            );
+            painter.vline(x, rect.y_range(), Stroke::new(2.0, Color32::from_white_alpha(200)))
+        }
+    };
+}
+
+/// Wipe, pan, zoom, and turning free cameras.
+fn navigate(viewer: &mut Viewer, mapping: &Mapping, response: &egui::Response, ui: &Ui) {
+    let rect = mapping.rect();
+    let has_other = viewer.textures[1].is_some();
+    if has_other && response.dragged_by(PointerButton::Primary)
+        && let (Compare::Wipe(at), Some(pointer)) = (viewer.compare, ui.input(|input| input.pointer.interact_pos()))
+    {
+        let origin = ui.input(|input| input.pointer.press_origin()).unwrap_or(pointer);
+        let line = rect.left() + at * rect.width();
+        if (origin.x - line).abs() < 12.0 || (pointer.x - line).abs() < 24.0 {
+            let at = ((pointer.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
+            viewer.compare = Compare::Wipe(at);
+            return;
+        }
+    }
+    let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+    let factor = if response.hovered() { (scroll * 0.004).exp() * pinch } else { 1.0 };
+    let by = response.drag_delta();
+    let by = Vec2::new(by.x, by.y);
+    if let Camera::Free(free) = &mut viewer.camera
+        && let Some(orbit) = &mut free.orbit
+    {
+        let by = by / rect.height().max(1.0);
+        let is_middle = response.dragged_by(PointerButton::Middle);
+        let slides = is_middle || ui.input(|input| input.modifiers.shift);
+        match slides {
+            _ if by == Vec2::ZERO => {}
+            true => orbit.slide(by),
+            false => orbit.turn(by),
+        }
+        orbit.approach(factor);
+        return;
+    }
+    if by != Vec2::ZERO {
+        viewer.view = View { zoom: Some(mapping.zoom), centre: mapping.centre - by / mapping.zoom };
+    }
+    if factor != 1.0
+        && let Some(at) = response.hover_pos()
+    {
+        let zoom = (mapping.zoom * factor).clamp(ZOOM[0], ZOOM[1]);
+        // What is under the pointer stays there.
+        let pixel = mapping.to_picture(at);
+        let off = at - mapping.pane.center();
+        let centre = pixel - 0.5 * mapping.size - Vec2::new(off.x, off.y) / zoom;
+        viewer.view = View { zoom: Some(zoom), centre };
+    }
+    if response.double_clicked() {
+        let is_fit = viewer.view.zoom.is_none();
+        viewer.view = View { zoom: is_fit.then(|| 1.0 / ui.pixels_per_point()), centre: Vec2::ZERO };
+    }
+}
+
+/// What there is to be said in place of a picture, or over it.
+fn message(viewer: &Viewer, state: &State, painter: &egui::Painter, pane: Rect) {
+    let (text, colour) = match &viewer.error {
+        Some((message, help)) => (format!("{message}\n{help}"), Color32::from_rgb(255, 120, 100)),
+        None if viewer.shown.is_some() => return,
+        None if viewer.look(state).is_some() => ("computing…".to_owned(), Color32::GRAY),
+        None => ("nothing to be shown: add a node, or press 1 on one".to_owned(), Color32::GRAY),
+    };
+    let text = painter.layout(text, FontId::proportional(14.0), colour, pane.width() - 60.0);
+    let rect = Align2::CENTER_CENTER.anchor_size(pane.center(), text.size());
+    painter.rect_filled(rect.expand(10.0), 6.0, Color32::from_black_alpha(190));
+    painter.galley(rect.min, text, colour);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_and_points_go_to_and_fro() {
+        let pane = Rect::from_min_size(pos2(10.0, 20.0), vec2(400.0, 300.0));
+        let size = Vec2::new(640.0, 480.0);
+        for view in [View::default(), View { zoom: Some(3.0), centre: Vec2::new(20.0, -7.0) }] {
+            let mapping = Mapping::new(&view, pane, size);
+            for at in [Vec2::ZERO, Vec2::new(100.5, 3.25), size] {
+                assert!(mapping.to_picture(mapping.to_screen(at)).distance(at) < 1e-2);
+            }
+        }
+        assert_eq!(Mapping::new(&View::default(), pane, size).rect(), pane, "all of it, no larger than the pane");
+    }
+}
