@@ -16,8 +16,8 @@ pub struct Help {
 const TOUR: [(&str, &str); 3] = [
     (
         "Look",
-        "This is a finished recipe. The picture is that of the node \"lit\", with an eye on its name. Select another node \
-         in the graph and press 1 to see it instead; press 1 on \"lit\" to come back. The wheel zooms, a drag pans.",
+        "This is a finished recipe. The picture is that of the node with an eye on its name. Double click another node in \
+         the graph to see that instead, and come back. The wheel zooms, a drag pans.",
     ),
     (
         "Change the light",

@@ -40,6 +40,35 @@ pub fn named(response: egui::Response, kind: WidgetType, name: impl Into<String>
     response
 }
 
+/// A small diamond: filled, with a dot, or empty.
+pub fn diamond(ui: &mut egui::Ui, filled: bool, dotted: bool, name: &str) -> egui::Response {
+    let (rect, response) = ui.allocate_exact_size(egui::Vec2::splat(14.0), egui::Sense::click());
+    let colour = match (filled || dotted, response.hovered()) {
+        (_, true) => ui.visuals().strong_text_color(),
+        (true, _) => Color32::from_rgb(255, 170, 50),
+        (false, _) => ui.visuals().weak_text_color(),
+    };
+    let corners = [(0.0, -5.0), (5.0, 0.0), (0.0, 5.0), (-5.0, 0.0)].map(|(x, y)| rect.center() + egui::vec2(x, y));
+    let fill = if filled { colour } else { Color32::TRANSPARENT };
+    ui.painter().add(egui::Shape::convex_polygon(corners.to_vec(), fill, egui::Stroke::new(1.2, colour)));
+    if dotted && !filled {
+        ui.painter().circle_filled(rect.center(), 1.5, colour);
+    }
+    if response.has_focus() {
+        ui.painter().rect_stroke(rect, 2.0, ui.visuals().selection.stroke, egui::StrokeKind::Outside);
+    }
+    named(response, WidgetType::Button, name)
+}
+
+/// A small disc, of which this share is filled from below.
+pub fn disc(ui: &mut egui::Ui, share: f32) {
+    let (rect, _) = ui.allocate_exact_size(egui::Vec2::splat(8.0), egui::Sense::hover());
+    let colour = ui.visuals().weak_text_color();
+    let low = rect.with_min_y(rect.bottom() - share * rect.height());
+    ui.painter_at(low).circle_filled(rect.center(), 3.5, colour);
+    ui.painter().circle_stroke(rect.center(), 3.5, egui::Stroke::new(1.0, colour));
+}
+
 /// A time as it is read at a glance.
 pub fn seconds(seconds: f64) -> String {
     match seconds {

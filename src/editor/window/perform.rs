@@ -108,7 +108,7 @@ impl Window {
             (Some(tabs), Some(above)) => {
                 let row = self.panes.tiles.insert_horizontal_tile(vec![tabs, tile]);
                 if let Some(egui_tiles::Tile::Container(container)) = self.panes.tiles.get_mut(above) {
-                    container.replace_child(tabs, row);
+                    let _ = container.replace_child(tabs, row);
                 }
             }
             _ => drop(self.panes.root.map(|root| self.panes.move_tile_to_container(tile, root, usize::MAX, true))),

@@ -194,7 +194,9 @@ impl Canvas {
             }
         }
         let wires: Vec<(OutPinId, InPinId)> = snarl.wires().collect();
-        wires.into_iter().for_each(|(from, to)| drop(snarl.disconnect(from, to)));
+        for (from, to) in wires {
+            snarl.disconnect(from, to);
+        }
         for (name, entry) in &document.nodes {
             let inputs = state.inputs(name);
             for (port, from) in &entry.inputs {

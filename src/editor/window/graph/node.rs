@@ -40,21 +40,26 @@ pub fn header(state: &State, name: &str, ui: &mut Ui) {
 pub fn footer(state: &State, name: &str, ui: &mut Ui) {
     ui.style_mut().interaction.selectable_labels = false;
     let Some(known) = state.known.get(name) else { return };
+    ui.spacing_mut().interact_size.y = 0.0;
     ui.vertical(|ui| {
         if let Some(thumb) = &known.thumb {
             ui.image(thumb);
         }
-        let (mark, words) = match known.cache {
-            Some(CacheUse::Memory) => ("●", "held in memory"),
-            Some(CacheUse::Disk) => ("◑", "read from the disk cache"),
-            Some(CacheUse::Computed) => ("○", "computed the last time"),
-            Some(CacheUse::Pass) => ("→", "passes its input on"),
+        let (share, words) = match known.cache {
+            Some(CacheUse::Memory) => (1.0, "held in memory"),
+            Some(CacheUse::Disk) => (0.5, "read from the disk cache"),
+            Some(CacheUse::Computed) => (0.0, "computed the last time"),
+            Some(CacheUse::Pass) => (0.0, "passes its input on"),
             None => return,
         };
         let time = known.seconds.map(look::seconds).unwrap_or_default();
         let size = known.bytes as f64 / f64::from(1 << 20);
-        let text = RichText::new(format!("{mark} {time}")).weak().size(10.0);
-        ui.label(text).on_hover_text(format!("{words}; {size:.1} MiB"));
+        ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            look::disc(ui, share);
+            let text = RichText::new(time).weak().size(10.0);
+            ui.label(text).on_hover_text(format!("{words}; {size:.1} MiB"));
+        });
     });
 }
 

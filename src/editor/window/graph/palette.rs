@@ -22,6 +22,9 @@ struct Open {
     fresh: bool,
 }
 
+/// At most, in points.
+const SIZE: [f32; 2] = [300.0, 440.0];
+
 /// What a wire was dragged from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Port {
@@ -65,10 +68,13 @@ impl Palette {
         }
         open.row = open.row.min(found.len().saturating_sub(1));
         let mut chosen = found.get(open.row).copied().filter(|_| enter);
-        let area = egui::Area::new("palette".into()).order(egui::Order::Foreground).fixed_pos(open.at).constrain(true);
+        // Where its longest list has room: it is not to jump while somebody types.
+        let room = ctx.content_rect();
+        let at = open.at.min(room.max - egui::vec2(SIZE[0] + 20.0, SIZE[1])).max(room.min);
+        let area = egui::Area::new("palette".into()).order(egui::Order::Foreground).fixed_pos(at);
         let shown = area.show(ctx, |ui| {
             egui::Frame::popup(ui.style()).show(ui, |ui| {
-                ui.set_width(300.0);
+                ui.set_width(SIZE[0]);
                 let title = match &open.port {
                     Some(port) => format!("Nodes that fit {}", port.kind.map_or("", Kind::name)),
                     None => "Add a node".to_owned(),
@@ -83,7 +89,7 @@ impl Palette {
                 if search.changed() {
                     open.row = 0;
                 }
-                egui::ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
+                egui::ScrollArea::vertical().max_height(SIZE[1] - 120.0).show(ui, |ui| {
                     let mut category = "";
                     for (row, info) in found.iter().enumerate() {
                         if info.category != category && open.search.is_empty() {

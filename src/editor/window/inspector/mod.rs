@@ -97,22 +97,16 @@ impl Inspector {
         let mut asked = None;
         ui.horizontal(|ui| {
             let at_key = keyed.as_ref().is_some_and(|keys| keys.iter().any(|(key, _)| *key == frame as f64));
-            let diamond = match (&keyed, at_key) {
-                (_, true) => "◆",
-                (Some(_), false) => "◈",
-                (None, _) => "◇",
-            };
-            let diamond = ui.add(egui::Button::new(diamond).frame(false));
             let words = if at_key { "takes the key at this frame out" } else { "sets a key at this frame" };
-            let name = format!("key of {}", field.name);
-            if named(diamond, WidgetType::Button, name).on_hover_text(words).clicked() {
+            let diamond = look::diamond(ui, at_key, keyed.is_some(), &format!("key of {}", field.name));
+            if diamond.on_hover_text(words).clicked() {
                 asked = Some(if at_key { Asked::RemoveKey } else { Asked::Key });
             }
             let title = RichText::new(&field.name);
             let title = if given.is_some() { title.strong() } else { title.weak() };
             ui.label(title).on_hover_text(words_of(field));
             if given.is_some() {
-                let reset = ui.add(egui::Button::new("↺").frame(false));
+                let reset = ui.add(egui::Button::new("⟲").frame(false));
                 let reset = named(reset, WidgetType::Button, format!("reset {}", field.name));
                 if reset.on_hover_text(format!("back to {}", field.default)).clicked() {
                     asked = Some(Asked::Reset);

@@ -1,0 +1,231 @@
+//! The viewer, and hands on the picture.
+
+use super::desk::{Desk, aside};
+use chiaro::transport::selection::{Stroke, StrokeMode};
+use egui::{Key, Modifiers, PointerButton};
+
+/// Where a pixel of the picture is on the screen: the picture fills the pane's height or width.
+fn pixel(desk: &Desk, x: f32, y: f32) -> egui::Pos2 {
+    let pane = desk.rect("picture");
+    let picture = desk.picture();
+    let size = egui::vec2(picture.width as f32, picture.height as f32);
+    let zoom = (pane.width() / size.x).min(pane.height() / size.y);
+    pane.center() + (egui::vec2(x, y) - size / 2.0) * zoom
+}
+
+fn close_tour(desk: &mut Desk) {
+    if desk.sees("Tour, 1 of 3") {
+        desk.click("Skip");
+    }
+}
+
+fn room() -> Desk {
+    let mut desk = Desk::room();
+    close_tour(&mut desk);
+    desk
+}
+
+fn strokes(desk: &Desk, paint: &str) -> Vec<Stroke> {
+    serde_json::from_value(desk.node(paint).params["strokes"].clone()).unwrap()
+}
+
+#[test]
+fn the_probe_tells_what_is_under_the_pointer() {
+    let mut desk = room();
+    desk.hover(pixel(&desk, 48.5, 60.5));
+    desk.frames(2);
+    for word in ["48, 60", "P ", "N ", "R "] {
+        assert!(desk.sees(word), "{word}");
+    }
+    let named = ["floor", "block", "wall"].iter().any(|name| desk.sees(name));
+    assert!(named, "the object is named");
+}
+
+#[test]
+fn a_press_with_the_light_tool_places_a_light_and_a_drag_moves_it() {
+    let mut desk = room();
+    let before = desk.picture();
+    desk.click("Light");
+    let at = pixel(&desk, 50.0, 62.0);
+    desk.click_at(at, Modifiers::NONE);
+    desk.settle();
+    let first: Vec<f64> = serde_json::from_value(desk.node("light").params["position"].clone()).unwrap();
+    assert!((first[1] - 0.3).abs() < 0.02, "off the floor: {first:?}");
+    assert_eq!(desk.node("lit").inputs["scene"], "light");
+    assert_eq!(desk.node("way").inputs["scene"], "room", "no transfer is computed for a lamp");
+    assert_ne!(before.layers[0].data[..], desk.picture().layers[0].data[..]);
+    desk.drag(at, pixel(&desk, 30.0, 66.0));
+    desk.settle();
+    let moved: Vec<f64> = serde_json::from_value(desk.node("light").params["position"].clone()).unwrap();
+    assert!(moved[0] < first[0] - 0.1 && desk.document().nodes.len() == 6, "{first:?} {moved:?}");
+    desk.undo();
+    let back: Vec<f64> = serde_json::from_value(desk.node("light").params["position"].clone()).unwrap();
+    assert_eq!(back, first, "the drag is undone as one");
+    desk.undo();
+    assert!(!desk.document().nodes.contains_key("light"));
+}
+
+#[test]
+fn strokes_are_painted_for_the_chosen_edit_and_erased() {
+    let mut desk = room();
+    desk.click("node edit");
+    desk.click("Brush");
+    let (from, to) = (pixel(&desk, 40.0, 62.0), pixel(&desk, 60.0, 62.0));
+    desk.drag(from, to);
+    desk.settle();
+    // The first of its ports, until another is chosen.
+    assert_eq!(desk.node("edit").inputs["caster"], "paint");
+    let painted = strokes(&desk, "paint");
+    assert!(painted.len() == 1 && painted[0].points.len() > 2, "{painted:?}");
+    assert!(painted[0].points.iter().all(|point| point[1].abs() < 1e-3), "on the floor");
+    assert_eq!(painted[0].normals.len(), painted[0].points.len());
+    assert!((painted[0].radius - 0.25).abs() < 1e-6 && painted[0].mode == StrokeMode::Add);
+    desk.undo();
+    assert!(!desk.document().nodes.contains_key("paint"), "one stroke, one undo");
+    desk.redo();
+    desk.click("Erase");
+    desk.key(Modifiers::NONE, Key::CloseBracket);
+    desk.drag(from, aside(from, 30.0, 0.0));
+    desk.settle();
+    let painted = strokes(&desk, "paint");
+    assert!(painted.len() == 2 && painted[1].mode == StrokeMode::Erase && painted[1].radius > 0.3);
+    // The other port.
+    desk.click("paint what");
+    desk.click("receiver");
+    desk.drag(from, to);
+    assert_eq!(desk.node("edit").inputs["receiver"], "paint2");
+}
+
+#[test]
+fn a_brush_alone_paints_a_selection_of_its_own() {
+    let mut desk = room();
+    desk.key(Modifiers::NONE, Key::B);
+    desk.click("Adaptive");
+    let at = pixel(&desk, 50.0, 62.0);
+    desk.hover(at);
+    desk.click_at(at, Modifiers::NONE);
+    desk.settle();
+    assert_eq!(desk.state().selected, ["paint"]);
+    assert!(strokes(&desk, "paint")[0].adaptive);
+    assert!(desk.state().last.as_ref().unwrap().mask.as_ref().is_some_and(|mask| mask.iter().any(|w| *w > 0.5)));
+}
+
+#[test]
+fn layers_exposure_and_false_colour_change_what_is_shown() {
+    let mut desk = room();
+    let shot = |desk: &mut Desk| {
+        desk.frames(3);
+        std::thread::sleep(std::time::Duration::from_millis(60));
+        desk.frames(3);
+        let at = pixel(desk, 20.5, 40.5);
+        desk.harness.remove_cursor();
+        desk.frames(1);
+        let image = desk.harness.render().unwrap();
+        image.get_pixel(at.x as u32, at.y as u32).0
+    };
+    let plain = shot(&mut desk);
+    desk.fill("exposure", "-3");
+    let dark = shot(&mut desk);
+    assert!(dark[0] < plain[0] / 2, "{plain:?} {dark:?}");
+    desk.fill("exposure", "0");
+    assert_eq!(shot(&mut desk), plain);
+    desk.click("False colour");
+    assert_ne!(shot(&mut desk), plain);
+    desk.click("False colour");
+    desk.click("layer");
+    desk.click("diffuse_indirect");
+    assert_ne!(shot(&mut desk), plain);
+    let document = desk.document().to_text();
+    assert!(!desk.state().session.is_unsaved(), "looking changes nothing: {document}");
+}
+
+#[test]
+fn pictures_are_compared() {
+    let mut desk = room();
+    desk.click("compare");
+    desk.click("with A as it is now");
+    desk.click("node edit");
+    desk.fill("brightness", "8");
+    desk.settle();
+    std::thread::sleep(std::time::Duration::from_millis(60));
+    desk.frames(3);
+    let shown = desk.state().last.as_ref().unwrap();
+    assert_ne!(shown.picture.layers[0].data[..], [0.0; 0][..]);
+    // A left of the line, B right of it.
+    let wipe = |desk: &mut Desk| {
+        desk.frames(2);
+        desk.harness.render().unwrap()
+    };
+    let both = wipe(&mut desk);
+    desk.click("B");
+    let other = wipe(&mut desk);
+    let (left, right) = (pixel(&desk, 36.0, 50.0), pixel(&desk, 60.0, 60.0));
+    let at = |image: &image::RgbaImage, at: egui::Pos2| image.get_pixel(at.x as u32, at.y as u32).0;
+    assert_eq!(at(&both, right), at(&other, right), "right of the line it is B");
+    assert_ne!(at(&both, left), at(&other, left), "left of it A");
+    desk.click("Wipe");
+    let middle = desk.rect("picture").center();
+    desk.drag(middle, aside(middle, -220.0, 0.0));
+    let moved = wipe(&mut desk);
+    assert_eq!(at(&moved, left), at(&other, left), "the line was drawn past it");
+}
+
+#[test]
+fn the_wheel_zooms_to_pixels_and_a_drag_pans() {
+    let mut desk = room();
+    let at = pixel(&desk, 30.5, 40.5);
+    desk.hover(at);
+    for _ in 0..6 {
+        let (unit, phase) = (egui::MouseWheelUnit::Line, egui::TouchPhase::Move);
+        let modifiers = Modifiers::NONE;
+        desk.harness.event(egui::Event::MouseWheel { unit, delta: egui::vec2(0.0, 3.0), phase, modifiers });
+        desk.frames(3);
+    }
+    desk.frames(20);
+    desk.hover(at);
+    assert!(desk.sees("30, 40"), "what is under the pointer stays there");
+    desk.hover(aside(at, 3.0, 0.0));
+    assert!(desk.sees("30, 40"), "pixels are large now");
+    desk.drag(at, aside(at, 120.0, 0.0));
+    desk.hover(at);
+    assert!(!desk.sees("30, 40"));
+    // Two double clicks fit it again.
+    desk.click_at(at, Modifiers::NONE);
+    desk.click_at(at, Modifiers::NONE);
+    desk.frames(3);
+}
+
+#[test]
+fn a_free_viewer_turns_and_the_main_one_does_not() {
+    let mut desk = room();
+    desk.key(Modifiers::COMMAND, Key::E);
+    desk.settle();
+    assert!(desk.sees("Free viewer 1"));
+    let camera = desk.state().last.as_ref().unwrap().samples.as_ref().unwrap().camera.clone();
+    let pane = desk.rect("picture 1");
+    let before = desk.harness.render().unwrap();
+    desk.drag(pane.center(), aside(pane.center(), 90.0, 10.0));
+    desk.settle();
+    let after = desk.harness.render().unwrap();
+    let (x, y) = (pane.center().x as u32 + 40, pane.center().y as u32 + 30);
+    let differs = (0..40).any(|i| before.get_pixel(x - i, y) != after.get_pixel(x - i, y));
+    assert!(differs, "it shows another side");
+    assert_eq!(desk.state().last.as_ref().unwrap().samples.as_ref().unwrap().camera, camera);
+    // Painting works in it, too: on what the main camera may not see.
+    desk.click("node edit");
+    desk.click("Brush");
+    desk.drag(aside(pane.center(), 0.0, 60.0), aside(pane.center(), 30.0, 60.0));
+    assert!(desk.document().nodes.contains_key("paint"));
+    assert!(!desk.state().session.document().nodes.keys().any(|name| name.starts_with("viewer")));
+}
+
+#[test]
+fn a_right_click_on_the_picture_picks_what_is_there() {
+    let mut desk = room();
+    let at = pixel(&desk, 50.0, 64.0);
+    desk.drag_with(at, at, Modifiers::NONE, PointerButton::Secondary);
+    desk.frames(3);
+    desk.click("Pick object floor");
+    assert_eq!(desk.node("pick").params["objects"], serde_json::json!(["floor"]));
+    assert_eq!(desk.node("pick").inputs["scene"], "room");
+}
