@@ -8,7 +8,7 @@ use chiaro::nodes;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -98,7 +98,9 @@ impl Desk {
         use egui::accesskit::Role;
         let is_text = |node: &egui_kittest::Node| node.accesskit_node().role() == Role::TextRun;
         let exact: Vec<_> = self.harness.query_all_by_label(name).filter(|node| !is_text(node)).collect();
-        if let Some(node) = exact.last() {
+        // What can be pressed comes before words.
+        let is_word = |node: &&egui_kittest::Node| node.accesskit_node().role() == Role::Label;
+        if let Some(node) = exact.iter().rev().find(|node| !is_word(node)).or(exact.last()) {
             return node.rect();
         }
         let begins = |node: &egui_kittest::kittest::AccessKitNode| {
@@ -139,12 +141,6 @@ impl Desk {
 
     pub fn right_click_at(&mut self, at: Pos2) {
         self.press(at, PointerButton::Secondary, Modifiers::NONE);
-    }
-
-    pub fn double_click(&mut self, name: &str) {
-        let at = self.at(name);
-        self.click_at(at, Modifiers::NONE);
-        self.click_at(at, Modifiers::NONE);
     }
 
     fn press(&mut self, at: Pos2, button: PointerButton, modifiers: Modifiers) {
@@ -200,7 +196,10 @@ impl Desk {
 
     /// Puts a number or text into a field.
     pub fn fill(&mut self, name: &str, text: &str) {
-        self.double_click(name);
+        // The number beside a slider, which is at its end.
+        let rect = self.rect(name);
+        let at = if rect.width() > 140.0 { pos2(rect.right() - 16.0, rect.center().y) } else { rect.center() };
+        self.click_at(at, Modifiers::NONE);
         self.key(Modifiers::COMMAND, Key::A);
         self.text(text);
         self.key(Modifiers::NONE, Key::Enter);
@@ -238,10 +237,6 @@ impl Desk {
     /// The pixels that the viewer shows last.
     pub fn picture(&self) -> Arc<chiaro::image::Image> {
         self.state().last.as_ref().expect("something is shown").picture.clone()
-    }
-
-    pub fn snapshot(&mut self, path: &Path) {
-        self.harness.render().unwrap().save(path).unwrap();
     }
 }
 

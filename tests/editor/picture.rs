@@ -70,7 +70,7 @@ fn strokes_are_painted_for_the_chosen_edit_and_erased() {
     let mut desk = room();
     desk.click("node edit");
     desk.click("Brush");
-    let (from, to) = (pixel(&desk, 40.0, 62.0), pixel(&desk, 60.0, 62.0));
+    let (from, to) = (pixel(&desk, 44.0, 66.0), pixel(&desk, 60.0, 66.0));
     desk.drag(from, to);
     desk.settle();
     // The first of its ports, until another is chosen.
@@ -133,7 +133,7 @@ fn layers_exposure_and_false_colour_change_what_is_shown() {
     assert_ne!(shot(&mut desk), plain);
     desk.click("False colour");
     desk.click("layer");
-    desk.click("diffuse_indirect");
+    desk.click("indirect");
     assert_ne!(shot(&mut desk), plain);
     let document = desk.document().to_text();
     assert!(!desk.state().session.is_unsaved(), "looking changes nothing: {document}");

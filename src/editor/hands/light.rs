@@ -1,6 +1,5 @@
 //! Placing lights (thesis 4.4.1): a press on a surface puts a light in front of it.
 
-use super::insert::insert_after;
 use crate::graph::{Document, split};
 use crate::{Error, Result};
 use glam::Vec3;
@@ -11,7 +10,8 @@ pub fn position(surface: Vec3, normal: Vec3, offset: f32) -> Vec3 {
     surface + normal * offset
 }
 
-/// Adds a point light to the scene that `lit`, a node, is lit by, and returns the new node's name.
+/// Adds a point light to the scene that `lit`, a node, is lit by, and returns the new node's name. Only what is lit takes
+/// from it: nothing else depends on lights.
 ///
 /// # Errors
 /// `Usage` when nothing before `lit` takes light from a scene.
@@ -20,7 +20,11 @@ pub fn place(document: &mut Document, lit: &str, position: Vec3) -> Result<Strin
         let help = "view a relight, or what is made of one; an environment lights what integrate gives";
         Error::usage(format!("\"{lit}\" is not lit by a scene"), help)
     })?;
-    let name = insert_after(document, &source, "light", "scene")?;
+    let (relight, from) = source;
+    let beside = document.layout.get(&relight).copied().unwrap_or_default();
+    let name = document.add_node("light", [beside[0] - 180.0, beside[1] - 110.0]);
+    document.connect(&from, &name, "scene")?;
+    document.connect(&name, &relight, "scene")?;
     // A light of the scene is changed by name: each node has one of its own.
     document.set_param(&name, "name", Some(name.clone().into()));
     document.set_param(&name, "kind", Some("point".into()));
@@ -38,10 +42,11 @@ pub fn rounded(metres: f32) -> f64 {
     (f64::from(metres) * 1e4).round() / 1e4
 }
 
-/// What the nearest relight takes as its scene.
-fn source(document: &Document, lit: &str) -> Option<String> {
+/// The nearest relight, and what it takes as its scene.
+fn source(document: &Document, lit: &str) -> Option<(String, String)> {
     let relight = crate::editor::look::nearest(document, lit, "relight")?;
-    document.nodes[&relight].inputs.get("scene").filter(|from| document.nodes.contains_key(split(from).0)).cloned()
+    let from = document.nodes[&relight].inputs.get("scene")?.clone();
+    document.nodes.contains_key(split(&from).0).then_some((relight, from))
 }
 
 #[cfg(test)]

@@ -140,7 +140,7 @@ impl Window {
         self.engine.evaluator = Arc::new(Evaluator::new(Options::new(Device::Cpu)));
         let engine = self.engine.clone();
         self.viewers_mut().for_each(|viewer| viewer.restart(ctx, &engine));
-        self.state.toasts.warning("The GPU has failed. The editor goes on with the CPU; nothing is lost.");
+        self.state.tell("The GPU has failed. The editor goes on with the CPU; nothing is lost.");
     }
 
     fn viewers_mut(&mut self) -> impl Iterator<Item = &mut Viewer> {
@@ -206,6 +206,10 @@ impl Window {
                 let text = if count == 1 { "1 problem in the recipe".into() } else { format!("{count} problems") };
                 let words: Vec<String> = self.state.session.problems().map(|problem| problem.message.clone()).collect();
                 ui.colored_label(ui.visuals().error_fg_color, text).on_hover_text(words.join("\n"));
+            }
+            if let Some((text, is_complaint)) = &self.state.told {
+                let colour = if *is_complaint { ui.visuals().error_fg_color } else { ui.visuals().weak_text_color() };
+                ui.add(egui::Label::new(egui::RichText::new(text).color(colour)).truncate());
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 ui.weak(self.engine.evaluator.device().name());

@@ -30,6 +30,8 @@ pub struct State {
     /// Of an evaluation that runs.
     pub progress: Option<Progress>,
     pub toasts: Toasts,
+    /// The last that was told, and whether it is a complaint; the status bar keeps it for those who read slowly, or hear.
+    pub told: Option<(String, bool)>,
     /// Asked for by widgets; done once all panes are drawn.
     pub asked: Vec<Command>,
     /// The surfaces that the main viewer shows last, for tools that need a scene.
@@ -121,6 +123,7 @@ impl State {
             known: HashMap::new(),
             progress: None,
             toasts: Toasts::default(),
+            told: None,
             asked: Vec::new(),
             last: None,
             is_shown: false,
@@ -173,12 +176,15 @@ impl State {
             "" => error.to_string(),
             help => format!("{error}\n{help}"),
         };
+        self.told = Some((text.replace('\n', " — "), true));
         // Long enough to be read.
         self.toasts.error(text).duration(Duration::from_secs(12));
     }
 
     pub fn tell(&mut self, text: impl Into<String>) {
-        self.toasts.info(text.into()).duration(Duration::from_secs(4));
+        let text = text.into();
+        self.told = Some((text.clone(), false));
+        self.toasts.info(text).duration(Duration::from_secs(4));
     }
 
     /// What is gone is no longer chosen or viewed; called after every change.

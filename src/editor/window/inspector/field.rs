@@ -129,7 +129,7 @@ fn shaped(drafts: &mut Drafts, node: &str, field: &Field, value: &Json, ui: &mut
         Shape::Switch => {
             let mut on = value.as_bool().unwrap_or(false);
             let response = named(ui.checkbox(&mut on, ""), WidgetType::Checkbox, name);
-            Changed { is_over: true, ..Changed::of(&response, json!(on)) }
+            Changed::now(response.changed().then(|| json!(on)))
         }
         Shape::Text => text_ui(drafts, node, field, value, ui),
         Shape::Choice(choices) => {

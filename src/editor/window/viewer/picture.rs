@@ -120,21 +120,22 @@ fn draw(viewer: &Viewer, mapping: &Mapping, painter: &egui::Painter) {
     };
 }
 
-/// Wipe, pan, zoom, and turning free cameras.
+/// Whether a place is on the line between A and B.
+pub fn is_on_line(viewer: &Viewer, mapping: &Mapping, at: Pos2) -> bool {
+    let Compare::Wipe(share) = viewer.compare else { return false };
+    let line = mapping.rect().left() + share * mapping.rect().width();
+    viewer.textures[1].is_some() && (at.x - line).abs() < 10.0
+}
+
+/// Draws the line between A and B to a place.
+pub fn wipe(viewer: &mut Viewer, mapping: &Mapping, to: Pos2) {
+    let rect = mapping.rect();
+    viewer.compare = Compare::Wipe(((to.x - rect.left()) / rect.width()).clamp(0.0, 1.0));
+}
+
+/// Pan, zoom, and turning free cameras.
 fn navigate(viewer: &mut Viewer, mapping: &Mapping, response: &egui::Response, ui: &Ui) {
     let rect = mapping.rect();
-    let has_other = viewer.textures[1].is_some();
-    if has_other && response.dragged_by(PointerButton::Primary)
-        && let (Compare::Wipe(at), Some(pointer)) = (viewer.compare, ui.input(|input| input.pointer.interact_pos()))
-    {
-        let origin = ui.input(|input| input.pointer.press_origin()).unwrap_or(pointer);
-        let line = rect.left() + at * rect.width();
-        if (origin.x - line).abs() < 12.0 || (pointer.x - line).abs() < 24.0 {
-            let at = ((pointer.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
-            viewer.compare = Compare::Wipe(at);
-            return;
-        }
-    }
     let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
     let factor = if response.hovered() { (scroll * 0.004).exp() * pinch } else { 1.0 };
     let by = response.drag_delta();

@@ -1,6 +1,6 @@
 //! Tools: what the hand does on the picture, each ending in ordinary nodes.
 
-use super::picture::Mapping;
+use super::picture::{self, Mapping};
 use super::{Camera, Engine, Viewer};
 use crate::editor::hands::handles::{self, Grip, Handle, Place};
 use crate::editor::hands::{light, ring, shadow, stroke};
@@ -21,6 +21,8 @@ pub enum Drag {
     Light { node: String },
     Handle { node: String, number: usize },
     Shadow(Box<Swing>),
+    /// The line between A and B.
+    Wipe,
 }
 
 /// A shadow that is dragged over a surface.
@@ -67,10 +69,16 @@ pub fn ui(
         || (response.clicked_by(PointerButton::Primary) && state.tool != Tool::Point);
     if is_primary {
         let at = ui.input(|input| input.pointer.press_origin()).or(pointer);
-        viewer.drag = at.and_then(|at| begin(viewer, state, engine, &hand, &handles, at));
+        let is_wipe = at.is_some_and(|at| picture::is_on_line(viewer, mapping, at));
+        viewer.drag = match is_wipe {
+            true => Some(Drag::Wipe),
+            false => at.and_then(|at| begin(viewer, state, engine, &hand, &handles, at)),
+        };
     }
     let is_busy = viewer.drag.is_some();
-    if let (Some(drag), Some(at)) = (&viewer.drag, pointer) {
+    if let (Some(Drag::Wipe), Some(at)) = (&viewer.drag, pointer) {
+        picture::wipe(viewer, mapping, at);
+    } else if let (Some(drag), Some(at)) = (&viewer.drag, pointer) {
         let is_free = ui.input(|input| input.modifiers.shift);
         follow(drag, viewer.offset, state, &hand, at, is_free);
     }
@@ -332,6 +340,7 @@ fn follow(drag: &Drag, offset: f32, state: &mut State, hand: &Hand, at: Pos2, is
         }
         Drag::Handle { node, number } => drag_handle(node, *number, offset, state, hand, at, is_free),
         Drag::Shadow(swing) => drag_shadow(swing, state, hand, at),
+        Drag::Wipe => {}
     }
 }
 
