@@ -20,11 +20,13 @@ pub struct Look {
     pub eye: Option<Eye>,
     /// The surfaces as they are, without the light.
     pub clay: bool,
+    /// An edit of shadows: where the light of its shadow comes from is to be known.
+    pub shadow: Option<String>,
 }
 
 impl Look {
     pub fn new(node: &str, output: usize) -> Self {
-        Self { at: (node.to_owned(), output), other: None, mask: None, eye: None, clay: false }
+        Self { at: (node.to_owned(), output), other: None, mask: None, eye: None, clay: false, shadow: None }
     }
 }
 
@@ -53,6 +55,9 @@ pub struct Staging {
     pub samples: Option<String>,
     /// What is seen there.
     pub scene: Option<Output>,
+    /// What an edited shadow is that of.
+    pub lamp: Option<Output>,
+    pub environment: Option<Output>,
 }
 
 impl Staging {
@@ -68,7 +73,13 @@ impl Staging {
             mask: look.mask.clone(),
             samples: None,
             scene: None,
+            lamp: None,
+            environment: None,
         };
+        if let Some((name, entry)) = look.shadow.as_ref().and_then(|name| document.nodes.get_key_value(name)) {
+            staging.environment = nearest(document, name, "environment").map(|node| (node, 0));
+            staging.lamp = entry.inputs.get("light").and_then(|from| output_of(document, from, registry));
+        }
         let view = nearest(document, &look.at.0, "view_samples");
         match kind {
             Kind::Image | Kind::Ratio | Kind::Environment | Kind::Samples => staging.samples = view,
@@ -108,7 +119,8 @@ impl Staging {
     /// All that is to be computed.
     pub fn targets(&self) -> Vec<(&str, usize)> {
         let given = [Some(&self.picture), self.other.as_ref(), self.mask.as_ref(), self.scene.as_ref()];
-        let given = given.into_iter().flatten().map(|(node, output)| (node.as_str(), *output));
+        let given = given.into_iter().chain([self.lamp.as_ref(), self.environment.as_ref()]);
+        let given = given.flatten().map(|(node, output)| (node.as_str(), *output));
         given.chain(self.samples.as_deref().map(|samples| (samples, 0))).collect()
     }
 

@@ -1,5 +1,6 @@
 //! What a viewer has to show: a picture of a value, and what its pixels lie on.
 
+use super::hands::shadow::direction;
 use crate::image::{Content, Image, Layer};
 use crate::scene::{Environment, Scene, SurfacePoint, cube};
 use crate::transport::Samples;
@@ -21,6 +22,8 @@ pub struct Shown {
     pub scene: Option<Arc<Scene>>,
     /// Weight of a selection in each pixel, [0, 1].
     pub mask: Option<Arc<Vec<f32>>>,
+    /// Where the light of the shadow that is edited comes from: unit, world.
+    pub light: Option<Vec3>,
 }
 
 /// What was computed for a viewer.
@@ -31,6 +34,8 @@ pub struct Parts {
     pub mask: Option<Value>,
     pub samples: Option<Value>,
     pub scene: Option<Value>,
+    pub lamp: Option<Value>,
+    pub environment: Option<Value>,
 }
 
 impl Shown {
@@ -60,7 +65,12 @@ impl Shown {
         };
         let other = parts.other.and_then(|value| self::picture(&value, scene.as_deref()));
         let samples = view.is_some().then_some(samples).flatten();
-        Ok(Self { picture, other, samples, scene, mask })
+        let light = match (&parts.environment, &parts.lamp) {
+            (Some(Value::Environment(environment)), Some(Value::Light(lamp))) => direction(environment, Some(lamp)),
+            (Some(Value::Environment(environment)), None) => direction(environment, None),
+            _ => None,
+        };
+        Ok(Self { picture, other, samples, scene, mask, light })
     }
 
     /// What a pixel sees: the sample in its middle, if it meets a surface.

@@ -268,6 +268,8 @@ impl Run {
             mask: given(&staging.mask),
             samples: staging.samples.as_ref().and_then(|samples| of(samples, 0)),
             scene: given(&staging.scene),
+            lamp: given(&staging.lamp),
+            environment: given(&staging.environment),
         })
     }
 

@@ -6,3 +6,4 @@ mod graph;
 mod help;
 mod inspector;
 mod picture;
+mod shadows;

@@ -113,8 +113,8 @@ impl Window {
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
         self.timeline.tick(&mut self.state, &ctx);
         egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
-            let Self { panes, state, graph, inspector, timeline, help, engine, .. } = self;
-            let mut behaviour = Behaviour { state, graph, inspector, timeline, help, engine };
+            let Self { panes, state, graph, inspector, timeline, help, .. } = self;
+            let mut behaviour = Behaviour { state, graph, inspector, timeline, help };
             panes.ui(&mut behaviour, ui);
         });
         self.graph.palette(&mut self.state, ui);
@@ -244,14 +244,13 @@ struct Behaviour<'a> {
     inspector: &'a mut Inspector,
     timeline: &'a mut Timeline,
     help: &'a mut Help,
-    engine: &'a Engine,
 }
 
 impl egui_tiles::Behavior<Pane> for Behaviour<'_> {
     fn pane_ui(&mut self, ui: &mut egui::Ui, _: egui_tiles::TileId, pane: &mut Pane) -> egui_tiles::UiResponse {
         match pane {
             Pane::Graph => self.graph.ui(self.state, ui),
-            Pane::Viewer(viewer) => viewer.ui(self.state, self.engine, ui),
+            Pane::Viewer(viewer) => viewer.ui(self.state, ui),
             Pane::Inspector => self.inspector.ui(self.state, self.help, ui),
             Pane::Timeline => self.timeline.ui(self.state, ui),
         }

@@ -212,10 +212,17 @@ impl Viewer {
             }
             Camera::Environment => {}
         }
+        if self.camera != Camera::Environment {
+            let is_dragged = |name: &&str| {
+                let entry = state.entry(name);
+                entry.is_some_and(|entry| ["translate_shadow", "rotate_shadow"].contains(&entry.kind.as_str()))
+            };
+            look.shadow = state.chosen().filter(is_dragged).map(str::to_owned);
+        }
         Some(look)
     }
 
-    pub fn ui(&mut self, state: &mut State, engine: &Engine, ui: &mut Ui) {
+    pub fn ui(&mut self, state: &mut State, ui: &mut Ui) {
         self.hear(state, ui.ctx());
         if self.is_main() {
             state.is_shown = self.is_idle(state);
@@ -223,7 +230,7 @@ impl Viewer {
         toolbar::ui(self, state, ui);
         self.place_camera(state, ui);
         self.ask(state);
-        picture::ui(self, state, engine, ui);
+        picture::ui(self, state, ui);
     }
 
     /// A free camera starts where the main one is, and looks at what that sees in its middle.

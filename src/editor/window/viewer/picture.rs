@@ -1,6 +1,6 @@
 //! Where pixels lie on the screen: zoom, pan, wipe and split; and what is drawn over them.
 
-use super::{Camera, Compare, Engine, Viewer, probe, tools};
+use super::{Camera, Compare, Viewer, probe, tools};
 use crate::editor::window::look::named;
 use crate::editor::window::state::State;
 use egui::{Align2, Color32, FontId, PointerButton, Pos2, Rect, Sense, Stroke, Ui, WidgetType, pos2, vec2};
@@ -52,7 +52,7 @@ impl Mapping {
 /// Nearest and farthest zoom.
 const ZOOM: [f32; 2] = [0.02, 64.0];
 
-pub fn ui(viewer: &mut Viewer, state: &mut State, engine: &Engine, ui: &mut Ui) {
+pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
     let foot = 20.0;
     let available = ui.available_rect_before_wrap();
     let pane = available.with_max_y(available.max.y - foot);
@@ -69,7 +69,7 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, engine: &Engine, ui: &mut Ui) 
         let mapping = Mapping::new(&viewer.view, pane, size);
         draw(viewer, &mapping, &painter);
         // A hand that works on the picture does not move it.
-        if !tools::ui(viewer, state, engine, &mapping, &response, ui) {
+        if !tools::ui(viewer, state, &mapping, &response, ui) {
             navigate(viewer, &mapping, &response, ui);
         }
     }

@@ -1,16 +1,15 @@
 //! Tools: what the hand does on the picture, each ending in ordinary nodes.
 
 use super::picture::{self, Mapping};
-use super::{Camera, Engine, Viewer};
+use super::{Camera, Viewer};
 use crate::editor::hands::handles::{self, Grip, Handle, Place};
 use crate::editor::hands::{light, ring, shadow, stroke};
-use crate::editor::look::{nearest, output_of};
+use crate::editor::look::nearest;
 use crate::editor::shown::Shown;
 use crate::editor::window::state::{State, Tool};
-use crate::graph::{Plan, curve};
+use crate::graph::curve;
 use crate::scene::SurfacePoint;
 use crate::scene::bvh::Ray;
-use crate::value::Value;
 use egui::{Color32, PointerButton, Pos2, Response, Stroke, Ui};
 use glam::{Vec2, Vec3};
 use serde_json::{Map, Value as Json, json};
@@ -44,7 +43,6 @@ const REACH: f32 = 10.0;
 pub fn ui(
     viewer: &mut Viewer,
     state: &mut State,
-    engine: &Engine,
     mapping: &Mapping,
     response: &Response,
     ui: &Ui,
@@ -72,7 +70,7 @@ pub fn ui(
         let is_wipe = at.is_some_and(|at| picture::is_on_line(viewer, mapping, at));
         viewer.drag = match is_wipe {
             true => Some(Drag::Wipe),
-            false => at.and_then(|at| begin(viewer, state, engine, &hand, &handles, at)),
+            false => at.and_then(|at| begin(viewer, state, &hand, &handles, at)),
         };
     }
     let is_busy = viewer.drag.is_some();
@@ -213,13 +211,13 @@ fn radius(state: &State, hand: &Hand, at: Pos2) -> Option<f32> {
     }
 }
 
-fn begin(viewer: &Viewer, state: &mut State, engine: &Engine, hand: &Hand, handles: &[Handle], at: Pos2) -> Option<Drag> {
+fn begin(viewer: &Viewer, state: &mut State, hand: &Hand, handles: &[Handle], at: Pos2) -> Option<Drag> {
     match state.tool {
         Tool::Point => {
             let is_near = |handle: &Handle| hand.to_screen(handle.at).is_some_and(|place| place.distance(at) < REACH);
             match handles.iter().rposition(is_near) {
                 Some(number) => Some(Drag::Handle { node: state.chosen()?.to_owned(), number }),
-                None => swing(state, engine, hand, at).map(|swing| Drag::Shadow(Box::new(swing))),
+                None => swing(state, hand, at).map(|swing| Drag::Shadow(Box::new(swing))),
             }
         }
         Tool::Light => {
@@ -281,7 +279,7 @@ fn scene_of(viewer: &Viewer, state: &State) -> Option<String> {
 }
 
 /// A shadow that is taken by the hand: a translate_shadow or rotate_shadow is chosen, and its light is known.
-fn swing(state: &State, engine: &Engine, hand: &Hand, at: Pos2) -> Option<Swing> {
+fn swing(state: &State, hand: &Hand, at: Pos2) -> Option<Swing> {
     let (kind, params) = chosen(state)?;
     let turns = match kind.as_str() {
         "translate_shadow" => false,
@@ -291,7 +289,7 @@ fn swing(state: &State, engine: &Engine, hand: &Hand, at: Pos2) -> Option<Swing>
     let vector = |name: &str| -> Option<Vec3> { serde_json::from_value(params.get(name)?.clone()).ok() };
     let node = state.chosen()?.to_owned();
     Some(Swing {
-        light: light_of(state, engine, &node)?,
+        light: hand.shown.light?,
         from: hand.surface(at)?,
         offset: vector("offset").unwrap_or_default(),
         axis: vector("axis").unwrap_or(Vec3::Y).normalize_or(Vec3::Y),
@@ -299,27 +297,6 @@ fn swing(state: &State, engine: &Engine, hand: &Hand, at: Pos2) -> Option<Swing>
         turns,
         node,
     })
-}
-
-/// Where the light of an edited shadow comes from; computed before, because the edit was.
-fn light_of(state: &State, engine: &Engine, node: &str) -> Option<Vec3> {
-    let document = state.document();
-    let environment = nearest(document, node, "environment")?;
-    let lamp = document.nodes[node].inputs.get("light").and_then(|from| output_of(document, from, engine.registry));
-    let wanted: Vec<&str> = [Some(environment.as_str()), lamp.as_ref().map(|(lamp, _)| lamp.as_str())].into_iter().flatten().collect();
-    let plan = Plan::new(&document.upstream(&wanted).refreshed().ok()?, engine.registry).ok()?;
-    let steps: Vec<usize> = (0..plan.steps.len()).collect();
-    let known = engine.evaluator.remembered(&plan, &steps, state.frame).ok()?;
-    let value = |name: &str, output: usize| {
-        let step = plan.steps.iter().position(|step| step.name == name)?;
-        known[step].as_ref().and_then(|(_, values)| values.get(output).cloned())
-    };
-    let Some(Value::Environment(environment)) = value(&environment, 0) else { return None };
-    let lamp = lamp.and_then(|(lamp, output)| value(&lamp, output));
-    match lamp {
-        Some(Value::Light(lamp)) => shadow::direction(&environment, Some(&lamp)),
-        _ => shadow::direction(&environment, None),
-    }
 }
 
 fn follow(drag: &Drag, offset: f32, state: &mut State, hand: &Hand, at: Pos2, is_free: bool) {
