@@ -7,3 +7,4 @@ mod help;
 mod inspector;
 mod picture;
 mod shadows;
+mod window;

@@ -21,27 +21,34 @@ pub struct Mapping {
     /// Pixels.
     pub size: Vec2,
     pub zoom: f32,
-    centre: Vec2,
+    /// On the screen: between its pixels, so that pixels of a picture at its own size are pixels of the screen.
+    corner: Pos2,
 }
 
 impl Mapping {
-    pub fn new(view: &View, pane: Rect, size: Vec2) -> Self {
+    pub fn new(view: &View, pane: Rect, size: Vec2, pixels_per_point: f32) -> Self {
         let fit = (pane.width() / size.x).min(pane.height() / size.y).max(1e-4);
         let (zoom, centre) = match view.zoom {
             Some(zoom) => (zoom, view.centre),
             None => (fit, Vec2::ZERO),
         };
-        Self { pane, size, zoom, centre }
+        let off = (0.5 * size + centre) * zoom;
+        let corner = (pane.center() - vec2(off.x, off.y)).to_vec2() * pixels_per_point;
+        Self { pane, size, zoom, corner: (corner.round() / pixels_per_point).to_pos2() }
     }
 
     pub fn to_screen(&self, at: Vec2) -> Pos2 {
-        let off = (at - 0.5 * self.size - self.centre) * self.zoom;
-        self.pane.center() + vec2(off.x, off.y)
+        self.corner + vec2(at.x, at.y) * self.zoom
     }
 
     pub fn to_picture(&self, at: Pos2) -> Vec2 {
-        let off = at - self.pane.center();
-        Vec2::new(off.x, off.y) / self.zoom + self.centre + 0.5 * self.size
+        let off = at - self.corner;
+        Vec2::new(off.x, off.y) / self.zoom
+    }
+
+    /// What lies in the middle of the pane, in pixels from that of the picture.
+    fn centre(&self) -> Vec2 {
+        self.to_picture(self.pane.center()) - 0.5 * self.size
     }
 
     pub fn rect(&self) -> Rect {
@@ -66,7 +73,7 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
         Vec2::new(width as f32, height as f32)
     });
     if let (Some(size), Some(_)) = (size, &viewer.textures[0]) {
-        let mapping = Mapping::new(&viewer.view, pane, size);
+        let mapping = Mapping::new(&viewer.view, pane, size, ui.pixels_per_point());
         draw(viewer, &mapping, &painter);
         // A hand that works on the picture does not move it.
         if !tools::ui(viewer, state, &mapping, &response, ui) {
@@ -78,7 +85,7 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
     let at = response.hover_pos();
     let text = match (at, size) {
         (Some(at), Some(size)) => {
-            let mapping = Mapping::new(&viewer.view, pane, size);
+            let mapping = Mapping::new(&viewer.view, pane, size, ui.pixels_per_point());
             probe::text(viewer, mapping.to_picture(at))
         }
         _ => None,
@@ -155,7 +162,7 @@ fn navigate(viewer: &mut Viewer, mapping: &Mapping, response: &egui::Response, u
         return;
     }
     if by != Vec2::ZERO {
-        viewer.view = View { zoom: Some(mapping.zoom), centre: mapping.centre - by / mapping.zoom };
+        viewer.view = View { zoom: Some(mapping.zoom), centre: mapping.centre() - by / mapping.zoom };
     }
     if factor != 1.0
         && let Some(at) = response.hover_pos()
@@ -196,11 +203,11 @@ mod tests {
         let pane = Rect::from_min_size(pos2(10.0, 20.0), vec2(400.0, 300.0));
         let size = Vec2::new(640.0, 480.0);
         for view in [View::default(), View { zoom: Some(3.0), centre: Vec2::new(20.0, -7.0) }] {
-            let mapping = Mapping::new(&view, pane, size);
+            let mapping = Mapping::new(&view, pane, size, 1.0);
             for at in [Vec2::ZERO, Vec2::new(100.5, 3.25), size] {
                 assert!(mapping.to_picture(mapping.to_screen(at)).distance(at) < 1e-2);
             }
         }
-        assert_eq!(Mapping::new(&View::default(), pane, size).rect(), pane, "all of it, no larger than the pane");
+        assert_eq!(Mapping::new(&View::default(), pane, size, 1.0).rect(), pane, "all of it, no larger than the pane");
     }
 }
