@@ -17,7 +17,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = Choice::Auto)]
     device: Choice,
     /// Memory for computed values, in MiB
-    #[arg(long, value_name = "MIB", default_value_t = 4096)]
+    #[arg(long, value_name = "MIB", default_value_t = 2048)]
     memory: u64,
     /// Folder for what the editor keeps: autosaves, recent files [default: chiaro in the system's data folder]
     #[arg(long, env = "CHIARO_EDITOR", value_name = "DIR")]
@@ -39,8 +39,12 @@ impl Args {
             }
         };
         let memory = self.memory.saturating_mul(1 << 20);
-        let options =
-            Options { memory, disk: self.cache.open()?, verify: self.cache.verify_cache, ..Options::new(Device::open(self.device)?) };
+        let options = Options {
+            memory,
+            disk: self.cache.open()?,
+            verify: self.cache.verify_cache,
+            ..Options::new(Device::open(self.device)?)
+        };
         let engine = Engine { evaluator: Arc::new(Evaluator::new(options)), registry };
         window::run(engine, Places { folder }, self.graph)?;
         Ok(0)

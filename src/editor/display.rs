@@ -4,6 +4,7 @@
 use crate::image::{Content, Image, Layer, colour};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// Pixels that one task maps.
 const BLOCK: usize = 4096;
@@ -123,9 +124,47 @@ fn encoded(value: Vec3, display: &Display) -> [u8; 3] {
     let gamma = 1.0 / display.gamma.max(0.01);
     value.to_array().map(|x| {
         let x = x.clamp(0.0, 1.0);
-        let x = if gamma == 1.0 { x } else { x.powf(gamma) };
-        (colour::srgb_from_linear(x) * 255.0 + 0.5) as u8
+        CODES.of(if gamma == 1.0 { x } else { x.powf(gamma) })
     })
+}
+
+/// sRGB codes without a power: of each range of numbers that share their upper half the least code, and of each code the
+/// least number that has it.
+struct Codes {
+    least: Vec<u8>,
+    from: [f32; 257],
+}
+
+static CODES: LazyLock<Codes> = LazyLock::new(Codes::new);
+
+/// By its power.
+fn code(x: f32) -> u8 {
+    (colour::srgb_from_linear(x) * 255.0 + 0.5) as u8
+}
+
+impl Codes {
+    fn new() -> Self {
+        let from = std::array::from_fn(|wanted| {
+            // Numbers from 0 up are in the order of their bits.
+            let (mut low, mut high) = (0, 1f32.to_bits() + 1);
+            while low < high {
+                let middle = (low + high) / 2;
+                if usize::from(code(f32::from_bits(middle))) < wanted { low = middle + 1 } else { high = middle }
+            }
+            if wanted > 255 { f32::INFINITY } else { f32::from_bits(low) }
+        });
+        let least = (0..=1f32.to_bits() >> 16).map(|upper| code(f32::from_bits(upper << 16))).collect();
+        Self { least, from }
+    }
+
+    /// In [0, 1]; the same as `code`.
+    fn of(&self, x: f32) -> u8 {
+        let mut code = self.least[(x.to_bits() >> 16) as usize];
+        while x >= self.from[usize::from(code) + 1] {
+            code += 1;
+        }
+        code
+    }
 }
 
 fn zone(luminance: f32) -> [u8; 3] {
@@ -170,6 +209,16 @@ mod tests {
         assert!(shown(Display { transform: Transform::Reinhard, ..Display::default() })[0][2] < 255);
         assert!(shown(Display { gamma: 2.0, ..Display::default() })[0][1] > 188);
         assert!(pixels(&image(), &Display { layer: "no".to_owned(), ..Display::default() }).is_none());
+    }
+
+    #[test]
+    fn codes_are_those_of_the_power() {
+        let all = (0..=1f32.to_bits()).step_by(997).map(f32::from_bits);
+        let edges =
+            CODES.from[..256].iter().flat_map(|edge| [*edge, edge.next_down().max(0.0), edge.next_up().min(1.0)]);
+        for x in all.chain(edges).chain([0.0, 1.0]) {
+            assert_eq!(CODES.of(x), code(x), "{x}");
+        }
     }
 
     #[test]

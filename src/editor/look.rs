@@ -102,7 +102,9 @@ impl Staging {
         if let Some(eye) = &look.eye {
             staging.place(eye, look.clay);
         }
-        if look.clay && let Some(samples) = &staging.samples {
+        if look.clay
+            && let Some(samples) = &staging.samples
+        {
             staging.picture = (samples.clone(), 0);
         }
         if let Some(samples) = &staging.samples {

@@ -72,8 +72,7 @@ impl Session {
     ) -> Self {
         let document = Arc::new(document);
         let (history, problems) = (History::default(), BTreeMap::new());
-        let mut session =
-            Self { document, history, registry, file, saved, on_disk, problems, version: 0, content: 0 };
+        let mut session = Self { document, history, registry, file, saved, on_disk, problems, version: 0, content: 0 };
         session.check();
         session
     }
@@ -143,7 +142,7 @@ impl Session {
     ) -> Result<T> {
         let mut document = (*self.document).clone();
         let value = change(&mut document)?;
-        if document.to_text() == self.document.to_text() {
+        if document.is_same(&self.document) {
             return Ok(value);
         }
         let document = document.refreshed()?;
@@ -179,10 +178,7 @@ impl Session {
         let before = std::mem::replace(&mut self.document, document);
         self.version += 1;
         let now = &self.document;
-        let is_same = (&before.nodes, &before.overrides, &before.base) == (&now.nodes, &now.overrides, &now.base)
-            && before.frames == now.frames
-            && before.fps == now.fps;
-        if !is_same {
+        if !before.computes_same(now) {
             self.content += 1;
             self.check();
         }
@@ -307,7 +303,10 @@ mod tests {
         assert_eq!(session.document().nodes["edit"].params["brightness"], json!(2.0));
         assert!(session.redo() && !session.is_unsaved());
         let content = session.content();
-        let moved = |document: &mut Document| Ok(drop(document.layout.insert("edit".to_owned(), [3.0, 4.0])));
+        let moved = |document: &mut Document| {
+            document.layout.insert("edit".to_owned(), [3.0, 4.0]);
+            Ok(())
+        };
         session.change("move", None, moved).unwrap();
         assert!(session.content() == content && session.is_unsaved(), "no picture shows where a node lies");
     }

@@ -5,7 +5,7 @@ use super::develop::{Developed, Settings, develop};
 use super::look::{Look, Staging, is_own};
 use super::shown::{Parts, Shown};
 use super::thumb::{Thumb, thumb};
-use crate::eval::{Context, Evaluator, NodeReport};
+use crate::eval::{Context, Evaluator, NodeReport, Remembered};
 use crate::graph::{Document, Plan};
 use crate::node::Key;
 use crate::params::NodeType;
@@ -37,10 +37,24 @@ pub enum Level {
 
 /// What the window is told. `id` is that of the request.
 pub enum Event {
-    Progress { id: u64, node: String, stage: String, done: u64, total: u64 },
-    Finished { id: u64, level: Level, result: Result<Picture>, reports: Vec<NodeReport>, seconds: f64 },
+    Progress {
+        id: u64,
+        node: String,
+        stage: String,
+        done: u64,
+        total: u64,
+    },
+    Finished {
+        id: u64,
+        level: Level,
+        result: Result<Picture>,
+        reports: Vec<NodeReport>,
+        seconds: f64,
+    },
     /// After a full picture: nodes whose values have become others, with a small picture where they have one.
-    Thumbs { thumbs: Vec<(String, Option<Thumb>)> },
+    Thumbs {
+        thumbs: Vec<(String, Option<Thumb>)>,
+    },
 }
 
 /// What was computed, and how it looks.
@@ -85,7 +99,8 @@ impl Worker {
         let shared = Arc::new(Shared { waiting, changed: Condvar::new(), cancel: AtomicBool::new(false) });
         let (sender, events) = channel();
         let told = Told { sender, wake: Arc::new(wake) };
-        let run = Run { evaluator, registry, shared: shared.clone(), told, seconds: HashMap::new(), keys: HashMap::new() };
+        let run =
+            Run { evaluator, registry, shared: shared.clone(), told, seconds: HashMap::new(), keys: HashMap::new() };
         let thread = std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || run.serve());
         Self { shared, events, thread: thread.ok(), next: 1 }
     }
@@ -283,7 +298,9 @@ impl Run {
         let Ok(remembered) = remembered() else { return };
         let mut thumbs = Vec::new();
         for (node, found) in remembered {
-            let Some((key, values)) = found.filter(|_| !is_own(&request.document, &node)) else { continue };
+            let Some(Remembered { key, values }) = found.filter(|_| !is_own(&request.document, &node)) else {
+                continue;
+            };
             if self.keys.insert(node.clone(), key) != Some(key) {
                 thumbs.push((node, values.first().and_then(thumb)));
             }

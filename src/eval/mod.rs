@@ -73,6 +73,12 @@ pub struct Context<'a> {
     pub cancel: &'a AtomicBool,
 }
 
+/// What the memory cache holds of a node.
+pub struct Remembered {
+    pub key: Key,
+    pub values: Vec<Value>,
+}
+
 /// What a run of a node gave.
 struct Outputs {
     values: Vec<Value>,
@@ -130,14 +136,17 @@ impl Evaluator {
         Ok(keyed.into_iter().map(|keyed| keyed.map(look)).collect())
     }
 
-    /// Key and outputs of all that the memory cache holds of the targets and of what they take from, without computing
+    /// What the memory cache holds of the targets and of what they take from, without computing
     /// anything; by step.
     ///
     /// # Errors
     /// As `keys::keys`.
-    pub fn remembered(&self, plan: &Plan, targets: &[usize], frame: i64) -> Result<Vec<Option<(Key, Vec<Value>)>>> {
+    pub fn remembered(&self, plan: &Plan, targets: &[usize], frame: i64) -> Result<Vec<Option<Remembered>>> {
         let keyed = keys::keys(plan, targets, frame as f64, &self.files)?;
-        let held = |key: Key| self.memory.outputs::<Outputs>(key).map(|outputs| (key, outputs.values.clone()));
+        let held = |key: Key| {
+            let values = self.memory.outputs::<Outputs>(key)?.values.clone();
+            Some(Remembered { key, values })
+        };
         Ok(keyed.into_iter().map(|keyed| keyed.and_then(|keyed| held(keyed.key))).collect())
     }
 

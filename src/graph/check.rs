@@ -6,44 +6,62 @@ use crate::names::suggest;
 use crate::params::NodeType;
 use jsonschema::error::{TypeKind, ValidationError, ValidationErrorKind};
 use serde_json::{Map, Value as Json};
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 /// The parameters of one node type, ready to check values.
 pub struct Checker {
-    node_type: &'static NodeType,
-    schema: Json,
+    params: Vec<ParamChecker>,
 }
 
 /// One parameter of a node type.
-pub struct ParamChecker<'a> {
-    checker: &'a Checker,
-    name: &'a str,
+pub struct ParamChecker {
+    node_type: &'static NodeType,
+    name: String,
     validator: jsonschema::Validator,
     /// Its numbers are integers: a curve's values are rounded.
     pub integer: bool,
 }
 
+/// Schemas take milliseconds to be made ready, and the editor checks a recipe with every movement of a hand.
+static KNOWN: LazyLock<Mutex<Known>> = LazyLock::new(Mutex::default);
+
+/// By name and schema: types of one name in two registries have two schemas.
+type Known = HashMap<(&'static str, usize), Arc<Checker>>;
+
 impl Checker {
-    pub fn new(node_type: &'static NodeType) -> Self {
-        Self { node_type, schema: (node_type.schema)().to_value() }
+    /// Made once for each type.
+    pub fn of(node_type: &'static NodeType) -> Arc<Self> {
+        let key = (node_type.info.name, node_type.schema as *const () as usize);
+        let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+        known.entry(key).or_insert_with(|| Arc::new(Self::new(node_type))).clone()
+    }
+
+    fn new(node_type: &'static NodeType) -> Self {
+        let schema = (node_type.schema)().to_value();
+        let properties = schema["properties"].as_object().cloned().unwrap_or_default();
+        let param = |(name, mut own): (String, Json)| {
+            let integer = is_integer(&own, &schema, 8);
+            if let (Json::Object(own), Some(shared)) = (&mut own, schema.get("$defs")) {
+                own.insert("$defs".into(), shared.clone());
+            }
+            let validator = jsonschema::draft202012::new(&own).expect("schemars writes valid schemas");
+            ParamChecker { node_type, name, validator, integer }
+        };
+        Self { params: properties.into_iter().map(param).collect() }
     }
 
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.schema["properties"].as_object().into_iter().flatten().map(|(name, _)| name.as_str())
+        self.params.iter().map(|param| param.name.as_str())
     }
 
     /// `None` when the node type has no such parameter.
-    pub fn param<'a>(&'a self, name: &'a str) -> Option<ParamChecker<'a>> {
-        let mut schema = self.schema["properties"].get(name)?.clone();
-        let integer = is_integer(&schema, &self.schema, 8);
-        if let (Json::Object(own), Some(shared)) = (&mut schema, self.schema.get("$defs")) {
-            own.insert("$defs".into(), shared.clone());
-        }
-        let validator = jsonschema::draft202012::new(&schema).expect("schemars writes valid schemas");
-        Some(ParamChecker { checker: self, name, validator, integer })
+    pub fn param(&self, name: &str) -> Option<&ParamChecker> {
+        self.params.iter().find(|param| param.name == name)
     }
 }
 
-impl ParamChecker<'_> {
+impl ParamChecker {
     /// As it stands, without asking why not.
     pub fn accepts(&self, value: &Json) -> bool {
         self.validator.is_valid(value)
@@ -56,13 +74,13 @@ impl ParamChecker<'_> {
             return found;
         }
         // What the schema cannot say, serde does.
-        let alone = Map::from_iter([(self.name.to_owned(), value.clone())]);
-        match (self.checker.node_type.parse)(alone) {
+        let alone = Map::from_iter([(self.name.clone(), value.clone())]);
+        match (self.node_type.parse)(alone) {
             Err(message) => {
                 let message = message.strip_prefix(&format!("{}: ", self.name)).unwrap_or(&message).to_owned();
                 vec![(String::new(), message, String::new())]
             }
-            Ok(node) => match lost_number(value, &node.params()[self.name], String::new()) {
+            Ok(node) => match lost_number(value, &node.params()[&self.name], String::new()) {
                 Some((pointer, number)) => {
                     let message = format!("{number} is too large for a 32-bit number");
                     vec![(pointer, message, "numbers go up to 3.4e38".into())]

@@ -34,6 +34,18 @@ impl Document {
         Ok(document)
     }
 
+    /// Whether another recipe is written alike.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (&self.layout, &self.comments, &self.other) == (&other.layout, &other.comments, &other.other)
+            && self.computes_same(other)
+    }
+
+    /// Whether another recipe makes the same pictures: where nodes lie, and what is said of them, aside.
+    pub fn computes_same(&self, other: &Self) -> bool {
+        (&self.nodes, &self.overrides, &self.base) == (&other.nodes, &other.overrides, &other.base)
+            && (self.frames, self.fps) == (other.frames, other.fps)
+    }
+
     /// A name that no node has: this one, or with a number behind it.
     pub fn free_name(&self, wanted: &str) -> String {
         let stem = wanted.trim_end_matches(|c: char| c.is_ascii_digit());

@@ -199,7 +199,7 @@ impl Planner<'_> {
         if entry.params.is_empty() {
             return params;
         }
-        let checker = Checker::new(node_type);
+        let checker = Checker::of(node_type);
         let mut fine = true;
         for (name, value) in &entry.params {
             let Some(param) = checker.param(name) else {
@@ -209,7 +209,7 @@ impl Planner<'_> {
                 fine = false;
                 continue;
             };
-            match read_param(&param, value) {
+            match read_param(param, value) {
                 Ok(read) => drop(params.insert(name.clone(), read)),
                 Err(complaints) => {
                     fine = false;

@@ -46,8 +46,7 @@ impl Desk {
 
     pub fn open(folder: tempfile::TempDir, file: Option<PathBuf>) -> Self {
         let places = Places { folder: folder.path().join("editor") };
-        let engine =
-            Engine { evaluator: Arc::new(Evaluator::new(Options::new(Device::Cpu))), registry: nodes::ALL };
+        let engine = Engine { evaluator: Arc::new(Evaluator::new(Options::new(Device::Cpu))), registry: nodes::ALL };
         let harness = Harness::builder()
             .with_size(vec2(1440.0, 900.0))
             .with_step_dt(1.0 / 60.0)

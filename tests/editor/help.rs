@@ -49,8 +49,11 @@ fn all_that_can_be_used_has_a_name() {
             let name = node.label().filter(|label| !label.trim().is_empty()).or(node.value());
             used.contains(&node.role()) && name.is_none_or(|name| name.trim().is_empty())
         };
-        let nameless: Vec<_> =
-            desk.harness.query_all(By::new().predicate(is_nameless)).map(|node| (node.accesskit_node().role(), node.rect())).collect();
+        let nameless: Vec<_> = desk
+            .harness
+            .query_all(By::new().predicate(is_nameless))
+            .map(|node| (node.accesskit_node().role(), node.rect()))
+            .collect();
         assert!(nameless.is_empty(), "with {node} chosen: {nameless:?}");
     }
 }

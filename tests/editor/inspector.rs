@@ -79,7 +79,8 @@ fn keys_are_set_moved_and_played() {
     desk.click("key of brightness");
     assert_eq!(desk.node("edit").params["brightness"], json!({ "keys": [[1, 1.0]] }));
     let time = desk.rect("timeline");
-    let frame = |number: f32| egui::pos2(time.left() + 12.0 + (number - 1.0) / 23.0 * (time.width() - 24.0), time.center().y);
+    let frame =
+        |number: f32| egui::pos2(time.left() + 12.0 + (number - 1.0) / 23.0 * (time.width() - 24.0), time.center().y);
     desk.click_at(frame(13.0), Modifiers::NONE);
     assert_eq!(desk.state().frame, 13);
     desk.fill("brightness", "4");

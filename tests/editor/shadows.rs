@@ -83,7 +83,8 @@ fn dark_and_lit(desk: &Desk, light: Vec3, apart: f32, by: impl Fn(Vec3) -> Vec3)
         point.is_some_and(|point| Vec3::from(point.position).distance(at) < 0.08)
     };
     let pixels = (0..120).flat_map(|y| (0..160).map(move |x| (x, y)));
-    let ground = pixels.filter_map(|(x, y)| shown.point(x, y)).filter(|point: &&SurfacePoint| point.position[1].abs() < 1e-3);
+    let ground =
+        pixels.filter_map(|(x, y)| shown.point(x, y)).filter(|point: &&SurfacePoint| point.position[1].abs() < 1e-3);
     ground
         .map(|point| (Vec3::from(point.position), by(point.position.into())))
         .filter(|(from, to)| project(desk, *from).distance(project(desk, *to)) > apart)
@@ -156,7 +157,8 @@ fn a_shadow_swings_where_it_is_dragged() {
 
 #[test]
 fn paint_on_a_shadow_finds_its_light_and_edits_follow() {
-    let mut desk = yard(json!({ "type": "remove_shadow", "params": { "amount": 0.0 }, "inputs": { "visibility": "seen" } }));
+    let mut desk =
+        yard(json!({ "type": "remove_shadow", "params": { "amount": 0.0 }, "inputs": { "visibility": "seen" } }));
     let light = light(&desk);
     let (dark, _) = dark_and_lit(&desk, light, 3.0, |at| at + Vec3::new(0.3, 0.0, 0.0));
     desk.click_at(desk.within("node night", -0.6, 0.5), Modifiers::NONE);

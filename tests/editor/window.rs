@@ -272,7 +272,8 @@ fn from_opening_to_saving_in_a_real_window() {
     // The comparison can tell: without the edit it is another picture.
     let other = folder.path().join("plain.json");
     std::fs::write(&other, RECIPE).unwrap();
-    let plain = Command::new(cargo_bin("chiaro")).arg("render").arg(&other).args(["--no-cache", "--device", "cpu"]).status();
+    let plain =
+        Command::new(cargo_bin("chiaro")).arg("render").arg(&other).args(["--no-cache", "--device", "cpu"]).status();
     assert!(plain.unwrap().success());
     let plain = as_shown(&folder.path().join("out.exr"));
     assert!(difference(&shown, corner, &plain) > 0.02);

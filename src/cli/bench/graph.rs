@@ -48,10 +48,14 @@ pub fn run(
         true => moved_light(&plan, device, runs)?,
         false => integrate::run(&plan, device, runs)?,
     }
-    match asked(Part::Sliders) {
-        true => sliders::run(&mut document, Device::open(choice)?, runs, registry),
-        false => Ok(()),
+    if asked(Part::Sliders) {
+        sliders::run(&mut document, Device::open(choice)?, runs, registry)?;
     }
+    #[cfg(feature = "editor")]
+    if asked(Part::Editor) {
+        super::editor::run(path, &document, Device::open(choice)?, registry)?;
+    }
+    Ok(())
 }
 
 /// Draws the masks of visibility of the first view_samples node.

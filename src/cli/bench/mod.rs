@@ -1,5 +1,7 @@
 //! `chiaro bench`: the figures of the README, on this machine.
 
+#[cfg(feature = "editor")]
+mod editor;
 mod graph;
 mod integrate;
 mod kernels;
@@ -42,6 +44,9 @@ enum Part {
     Light,
     /// From a slider to the picture
     Sliders,
+    /// From the hand to the editor's window: sliders, a brush, and the longest that the window did not answer
+    #[cfg(feature = "editor")]
+    Editor,
 }
 
 impl Args {

@@ -11,7 +11,7 @@ use serde_json::{Value as Json, json};
 use std::sync::atomic::AtomicBool;
 
 /// The parameter of each kind of edit that is slid, and how far a step is.
-const SLIDERS: &[(&str, &str, f64)] = &[
+pub const SLIDERS: &[(&str, &str, f64)] = &[
     ("caster_receiver", "brightness", 0.01),
     ("source_brush", "scale", 0.01),
     ("illumination_brush", "scale", 0.01),
@@ -21,7 +21,7 @@ const SLIDERS: &[(&str, &str, f64)] = &[
 ];
 
 /// As `SLIDERS`, for shadows under an environment, and for the light itself.
-const SHADOW_SLIDERS: &[(&str, &str, f64)] = &[
+pub const SHADOW_SLIDERS: &[(&str, &str, f64)] = &[
     ("environment", "exposure", 0.01),
     ("remove_shadow", "amount", -0.005),
     ("shadow_gradient", "amount", -0.005),
@@ -32,7 +32,7 @@ const SHADOW_SLIDERS: &[(&str, &str, f64)] = &[
 ];
 
 /// As `SLIDERS`, for ratios of shadows: what is waited for is the first picture with a shadow put in.
-const RATIO_SLIDERS: &[(&str, &str, f64)] = &[
+pub const RATIO_SLIDERS: &[(&str, &str, f64)] = &[
     ("ratio_transform", "rotate", 0.1),
     ("ratio_lattice", "amount", 0.002),
     ("ratio_blur", "radius", 0.0002),
@@ -94,7 +94,7 @@ fn slide(
 }
 
 /// A number that much further; of several, the first.
-fn stepped(start: &Json, by: f64) -> Json {
+pub fn stepped(start: &Json, by: f64) -> Json {
     match start {
         Json::Array(all) => {
             let first = all.first().map(|first| stepped(first, by));

@@ -39,7 +39,8 @@ pub fn find_light(document: &mut Document, selected: &[String]) -> Result<Found>
     let integrate = integrate.ok_or_else(lacking)?;
     let seen = nearest(document, &integrate, "visibility").ok_or_else(lacking)?;
     let environment = document.nodes[&seen].inputs.get("environment");
-    let environment = environment.or(document.nodes[&integrate].inputs.get("environment")).cloned().ok_or_else(lacking)?;
+    let environment =
+        environment.or(document.nodes[&integrate].inputs.get("environment")).cloned().ok_or_else(lacking)?;
     let beside = document.layout.get(&paint).copied().unwrap_or_default();
     let light = document.add_node("localize_light", [beside[0] + 220.0, beside[1]]);
     document.connect(&seen, &light, "visibility")?;

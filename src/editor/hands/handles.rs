@@ -62,7 +62,9 @@ fn handle(name: &str, at: Place, tail: Option<usize>, kind: Grip) -> Handle {
 pub fn handles(kind: &str, params: &Map<String, Json>, aspect: f32) -> Vec<Handle> {
     let get = |name: &str| params.get(name).unwrap_or(&Json::Null);
     match kind {
-        "light" => vec3(get("position")).map(|at| handle("light", Place::World(at), None, Grip::Point)).into_iter().collect(),
+        "light" => {
+            vec3(get("position")).map(|at| handle("light", Place::World(at), None, Grip::Point)).into_iter().collect()
+        }
         "shadow_gradient" => match (vec3(get("from")), vec3(get("to"))) {
             (Some(from), Some(to)) => vec![
                 handle("from", Place::World(from), None, Grip::Point),
@@ -267,7 +269,11 @@ mod tests {
         let at = |number: usize| handles("ratio_transform", &params, 2.0)[number].at;
         let Place::Picture(middle) = at(0) else { panic!() };
         let to = Place::Picture(middle + Vec2::new(0.0, -0.3));
-        assert_eq!(dragged("ratio_transform", &params, 2.0, 1, at(1), to), [("rotate", json!(90.0))], "up is a quarter");
+        assert_eq!(
+            dragged("ratio_transform", &params, 2.0, 1, at(1), to),
+            [("rotate", json!(90.0))],
+            "up is a quarter"
+        );
         let Place::Picture(stretch) = at(2) else { panic!() };
         let to = Place::Picture(middle + 2.0 * (stretch - middle));
         assert_eq!(dragged("ratio_transform", &params, 2.0, 2, at(2), to)[0].1, json!([2.0, 2.0]));

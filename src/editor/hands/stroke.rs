@@ -51,9 +51,9 @@ pub fn target(document: &mut Document, node: Option<(&str, &Info)>, port: Option
 fn fresh(document: &mut Document, scene: &str, beside: Option<[f64; 2]>) -> Result<String> {
     let at = beside.map_or([0.0, 320.0], |at| [at[0] - 220.0, at[1] + 130.0]);
     let name = document.add_node("paint", at);
-    document.connect(scene, &name, "scene").map_err(|_| {
-        Error::usage("there is no scene to paint on", "add a scene, and view what is made of it")
-    })?;
+    document
+        .connect(scene, &name, "scene")
+        .map_err(|_| Error::usage("there is no scene to paint on", "add a scene, and view what is made of it"))?;
     Ok(name)
 }
 

@@ -60,8 +60,7 @@ pub enum Menu {
 }
 
 impl Menu {
-    pub const ALL: [Menu; 7] =
-        [Menu::File, Menu::Edit, Menu::Graph, Menu::View, Menu::Picture, Menu::Time, Menu::Help];
+    pub const ALL: [Menu; 7] = [Menu::File, Menu::Edit, Menu::Graph, Menu::View, Menu::Picture, Menu::Time, Menu::Help];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -152,7 +151,8 @@ pub fn pressed(ctx: &egui::Context) -> Vec<Command> {
         for shift in [true, false] {
             for entry in ALL {
                 let Some(key) = entry.key.filter(|key| key.modifiers.shift == shift) else { continue };
-                let is_safe = key.modifiers.command && !matches!(key.logical_key, Key::A | Key::Z | Key::X | Key::C | Key::V);
+                let is_safe =
+                    key.modifiers.command && !matches!(key.logical_key, Key::A | Key::Z | Key::X | Key::C | Key::V);
                 if (!typing || is_safe) && input.consume_shortcut(&key) {
                     asked.push(entry.command.clone());
                 }

@@ -10,6 +10,7 @@
 //! viewer     pictures, probe, comparison, free cameras; tools: hands on the picture
 //! inspector  the chosen node: parameters, inputs, warnings
 //! timeline   frames and keys
+//! headless   a window without a screen, for figures
 //! help       shortcuts, tour, what a node says of itself
 //! look       colours, and small widgets that several panes use
 //! ```
@@ -17,6 +18,7 @@
 mod commands;
 mod files;
 mod graph;
+mod headless;
 mod help;
 mod inspector;
 mod look;
@@ -27,6 +29,7 @@ mod viewer;
 
 pub use commands::Command;
 pub use files::Places;
+pub use headless::{Headless, Wait};
 pub use state::{State, Tool};
 
 use crate::device::Device;
@@ -143,6 +146,20 @@ impl Window {
         self.state.tell("The GPU has failed. The editor goes on with the CPU; nothing is lost.");
     }
 
+    /// The main viewer shows what was asked for last, coarse or in full.
+    fn is_pictured(&mut self) -> bool {
+        let Self { panes, state, .. } = self;
+        panes.tiles.tiles().any(|tile| match tile {
+            egui_tiles::Tile::Pane(Pane::Viewer(viewer)) => viewer.is_main() && viewer.is_pictured(state),
+            _ => false,
+        })
+    }
+
+    /// Where the main picture lies on the screen.
+    fn picture_pane(&mut self) -> egui::Rect {
+        self.viewers_mut().find(|viewer| viewer.is_main()).map_or(egui::Rect::ZERO, |viewer| viewer.pane())
+    }
+
     fn viewers_mut(&mut self) -> impl Iterator<Item = &mut Viewer> {
         self.panes.tiles.tiles_mut().filter_map(|tile| match tile {
             egui_tiles::Tile::Pane(Pane::Viewer(viewer)) => Some(&mut **viewer),
@@ -168,9 +185,10 @@ impl Window {
                 });
             }
             ui.separator();
-            let name = self.state.session.file().map_or("untitled".into(), |file| {
-                file.file_name().unwrap_or_default().to_string_lossy().into_owned()
-            });
+            let name =
+                self.state.session.file().map_or("untitled".into(), |file| {
+                    file.file_name().unwrap_or_default().to_string_lossy().into_owned()
+                });
             let mark = if self.state.session.is_unsaved() { " •" } else { "" };
             ui.label(format!("{name}{mark}"));
         });

@@ -4,8 +4,8 @@ use super::commands::Command;
 use super::state::{State, Tool};
 use super::viewer::{Camera, Viewer};
 use super::{Pane, Window, graph};
-use crate::editor::look::Output;
 use crate::Error;
+use crate::editor::look::Output;
 
 /// Between what is copied and its copy.
 const ASIDE: [f64; 2] = [40.0, 40.0];
@@ -77,7 +77,9 @@ impl Window {
             Command::BrushSmaller => state.brush.radius = (state.brush.radius / 1.25).max(1e-4),
             Command::BrushLarger => state.brush.radius = (state.brush.radius * 1.25).min(1e4),
             Command::FindLight => {
-                if let Some(found) = state.change("find light", None, crate::editor::hands::find_light_of(&state.selected.clone())) {
+                if let Some(found) =
+                    state.change("find light", None, crate::editor::hands::find_light_of(&state.selected.clone()))
+                {
                     state.choose(&found.edit);
                     self.add_environment(ctx, &found.picture);
                 }
@@ -98,9 +100,7 @@ impl Window {
         self.viewers += 1;
         let tile = self.panes.tiles.insert_pane(Pane::Viewer(Box::new(viewer)));
         // Beside the main viewer, so that both are seen.
-        let is_main = |tile: &egui_tiles::Tile<Pane>| {
-            matches!(tile, egui_tiles::Tile::Pane(Pane::Viewer(viewer)) if viewer.is_main())
-        };
+        let is_main = |tile: &egui_tiles::Tile<Pane>| matches!(tile, egui_tiles::Tile::Pane(Pane::Viewer(viewer)) if viewer.is_main());
         let main = self.panes.tiles.iter().find(|(_, tile)| is_main(tile)).map(|(id, _)| *id);
         let tabs = main.and_then(|main| self.panes.tiles.parent_of(main));
         let above = tabs.and_then(|tabs| self.panes.tiles.parent_of(tabs));
@@ -121,7 +121,9 @@ impl Window {
             self.add_viewer(ctx, Camera::Environment);
         }
         let node = node.to_owned();
-        self.viewers_mut().filter(|viewer| viewer.shows_environment()).for_each(|viewer| viewer.hold((node.clone(), 0)));
+        self.viewers_mut()
+            .filter(|viewer| viewer.shows_environment())
+            .for_each(|viewer| viewer.hold((node.clone(), 0)));
     }
 }
 

@@ -199,7 +199,8 @@ impl Timeline {
                 Some((track.param.clone(), track.component, point[0]))
             });
         }
-        if let (Some((param, part, frame)), Some(at)) = (self.point.clone(), ui.input(|input| input.pointer.interact_pos()))
+        if let (Some((param, part, frame)), Some(at)) =
+            (self.point.clone(), ui.input(|input| input.pointer.interact_pos()))
             && ui.input(|input| input.pointer.is_moving())
         {
             let to = transform.value_from_position(at);

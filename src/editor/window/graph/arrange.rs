@@ -33,7 +33,8 @@ pub fn arrange(document: &Document) -> Places {
         let mut changed = false;
         for (name, entry) in &document.nodes {
             let before = entry.inputs.values().filter_map(|from| document.nodes.get_key_value(split(from).0));
-            let wanted = before.map(|(from, _)| depth.get(from.as_str()).map_or(1, |depth| depth + 1)).max().unwrap_or(0);
+            let wanted =
+                before.map(|(from, _)| depth.get(from.as_str()).map_or(1, |depth| depth + 1)).max().unwrap_or(0);
             changed |= depth.insert(name, wanted) != Some(wanted);
         }
         if !changed {

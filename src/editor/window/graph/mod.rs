@@ -3,6 +3,7 @@
 mod arrange;
 mod canvas;
 mod comments;
+mod draw;
 mod node;
 mod palette;
 

@@ -41,7 +41,8 @@ fn gamma(value: &Json, ui: &mut Ui) -> Changed {
     ui.horizontal(|ui| {
         for (name, number) in [("gamma", &mut gamma), ("pivot", &mut pivot)] {
             ui.label(name);
-            let response = ui.add(DragValue::new(number).speed(0.01).range(if name == "gamma" { 0.1..=10.0 } else { 1e-6..=1e6 }));
+            let response =
+                ui.add(DragValue::new(number).speed(0.01).range(if name == "gamma" { 0.1..=10.0 } else { 1e-6..=1e6 }));
             let response = named(response, WidgetType::DragValue, format!("curve {name}"));
             changed.is_over |= response.drag_stopped() || response.lost_focus();
             if response.changed() {
@@ -62,10 +63,10 @@ fn points(value: &Json, ui: &mut Ui) -> Changed {
     let most = points.iter().flatten().fold(1.0, |most: f64, x| most.max(*x));
     let side = ui.available_width().min(220.0);
     let (rect, response) = ui.allocate_exact_size(vec2(side, side), Sense::click_and_drag());
-    let response = named(response, WidgetType::Other, "tone curve").on_hover_text("drag points; press to add one; right click takes one out");
-    let to_screen = |[x, y]: [f64; 2]| {
-        pos2(rect.left() + (x / most) as f32 * side, rect.bottom() - (y / most) as f32 * side)
-    };
+    let response = named(response, WidgetType::Other, "tone curve")
+        .on_hover_text("drag points; press to add one; right click takes one out");
+    let to_screen =
+        |[x, y]: [f64; 2]| pos2(rect.left() + (x / most) as f32 * side, rect.bottom() - (y / most) as f32 * side);
     draw(value, &points, most, rect, to_screen, ui);
     let at = |pos: Pos2| {
         let x = f64::from((pos.x - rect.left()) / side) * most;

@@ -49,7 +49,9 @@ impl Drafts {
     }
 
     fn lines(&mut self, ui: &mut Ui, key: &str, now: &str) -> Typed {
-        self.edit(ui, key, now, |text| TextEdit::multiline(text).code_editor().desired_rows(2).desired_width(f32::INFINITY))
+        self.edit(ui, key, now, |text| {
+            TextEdit::multiline(text).code_editor().desired_rows(2).desired_width(f32::INFINITY)
+        })
     }
 
     fn edit(&mut self, ui: &mut Ui, key: &str, now: &str, edit: impl FnOnce(&mut String) -> TextEdit<'_>) -> Typed {
@@ -222,7 +224,8 @@ fn texts_ui(drafts: &mut Drafts, node: &str, field: &Field, value: &Json, ui: &m
     let key = format!("{node}.{}", field.name);
     let now: Vec<&str> = value.as_array().into_iter().flatten().filter_map(Json::as_str).collect();
     let typed = drafts.lines(ui, &key, &now.join("\n"));
-    named(typed.response, WidgetType::TextEdit, field.name.as_str()).on_hover_text("one name a line; * and ? stand for any");
+    named(typed.response, WidgetType::TextEdit, field.name.as_str())
+        .on_hover_text("one name a line; * and ? stand for any");
     let list = |text: String| {
         let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
         json!(lines)
@@ -274,7 +277,8 @@ mod tests {
 
     #[test]
     fn words_in_front_are_what_it_starts_from() {
-        let position = fields(nodes::find("light").unwrap()).into_iter().find(|field| field.name == "position").unwrap();
+        let position =
+            fields(nodes::find("light").unwrap()).into_iter().find(|field| field.name == "position").unwrap();
         assert_eq!(start(&position), json!([0.0, 2.0, 0.0]));
     }
 }

@@ -237,9 +237,8 @@ fn trouble(message: &str, help: &str, ui: &mut Ui) {
 
 /// Buttons that bring handles into the picture, or lead on from what was found.
 fn tools(state: &mut State, node: &str, kind: &str, ui: &mut Ui) {
-    let aspect = state.last.as_ref().map_or(4.0 / 3.0, |shown| {
-        shown.picture.width as f32 / shown.picture.height.max(1) as f32
-    });
+    let aspect =
+        state.last.as_ref().map_or(4.0 / 3.0, |shown| shown.picture.width as f32 / shown.picture.height.max(1) as f32);
     if let Some((param, value)) = begun(kind, aspect)
         && state.entry(node).is_some_and(|entry| entry.params.get(param).is_none_or(Json::is_null))
     {

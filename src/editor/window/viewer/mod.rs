@@ -86,12 +86,15 @@ pub struct Viewer {
     asked: Option<Asked>,
     request: u64,
     done: u64,
-    level: Level,
+    /// The newest request that something is shown of.
+    pictured: u64,
     shown: Option<Shown>,
     textures: [Option<TextureHandle>; 2],
     /// Pixels of the picture to one of the texture.
     step: usize,
     view: View,
+    /// On the screen.
+    pane: egui::Rect,
     error: Option<(String, String)>,
     lost: bool,
     drag: Option<Drag>,
@@ -118,11 +121,12 @@ impl Viewer {
             asked: None,
             request: 0,
             done: 0,
-            level: Level::Full,
+            pictured: 0,
             shown: None,
             textures: [None, None],
             step: 1,
             view: View::default(),
+            pane: egui::Rect::ZERO,
             error: None,
             lost: false,
             drag: None,
@@ -134,6 +138,10 @@ impl Viewer {
 
     pub fn is_main(&self) -> bool {
         self.number == 0
+    }
+
+    pub fn pane(&self) -> egui::Rect {
+        self.pane
     }
 
     pub fn shows_environment(&self) -> bool {
@@ -160,19 +168,27 @@ impl Viewer {
 
     pub fn restart(&mut self, ctx: &Context, engine: &Engine) {
         self.worker = worker(ctx, engine);
-        (self.asked, self.lost, self.request, self.done) = (None, false, 0, 0);
+        (self.asked, self.lost, self.request, self.done, self.pictured) = (None, false, 0, 0, 0);
     }
 
     /// All is shown that was asked for.
     pub fn is_idle(&self, state: &State) -> bool {
-        let is_asked = match (self.look(state), &self.asked) {
+        self.has_asked(state) && self.request == self.done
+    }
+
+    /// Something is shown of what was asked for last.
+    pub fn is_pictured(&self, state: &State) -> bool {
+        self.has_asked(state) && self.pictured >= self.request
+    }
+
+    fn has_asked(&self, state: &State) -> bool {
+        match (self.look(state), &self.asked) {
             (Some(look), Some(asked)) => {
                 asked.look == look && (asked.content, asked.frame) == (state.session.content(), state.frame)
             }
             (None, _) => true,
             (Some(_), None) => false,
-        };
-        is_asked && self.request == self.done
+        }
     }
 
     pub fn title(&self, state: &State) -> String {
@@ -275,7 +291,7 @@ impl Viewer {
                 match result {
                     Ok(picture) => {
                         self.error = None;
-                        self.level = level;
+                        self.pictured = self.pictured.max(id);
                         self.upload(&picture.developed, ctx);
                         if self.is_main() && picture.shown.samples.is_some() {
                             state.last = Some(picture.shown.clone());

@@ -37,21 +37,21 @@ impl Mapping {
         Self { pane, size, zoom, corner: (corner.round() / pixels_per_point).to_pos2() }
     }
 
-    pub fn to_screen(&self, at: Vec2) -> Pos2 {
+    pub fn to_screen(self, at: Vec2) -> Pos2 {
         self.corner + vec2(at.x, at.y) * self.zoom
     }
 
-    pub fn to_picture(&self, at: Pos2) -> Vec2 {
+    pub fn to_picture(self, at: Pos2) -> Vec2 {
         let off = at - self.corner;
         Vec2::new(off.x, off.y) / self.zoom
     }
 
     /// What lies in the middle of the pane, in pixels from that of the picture.
-    fn centre(&self) -> Vec2 {
+    fn centre(self) -> Vec2 {
         self.to_picture(self.pane.center()) - 0.5 * self.size
     }
 
-    pub fn rect(&self) -> Rect {
+    pub fn rect(self) -> Rect {
         Rect::from_min_max(self.to_screen(Vec2::ZERO), self.to_screen(self.size))
     }
 }
@@ -63,6 +63,7 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
     let foot = 20.0;
     let available = ui.available_rect_before_wrap();
     let pane = available.with_max_y(available.max.y - foot);
+    viewer.pane = pane;
     let response = ui.allocate_rect(pane, Sense::click_and_drag());
     let label = if viewer.is_main() { "picture".to_owned() } else { format!("picture {}", viewer.number) };
     let response = named(response, WidgetType::Image, label);
@@ -91,7 +92,10 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
         _ => None,
     };
     let text = text.unwrap_or_else(|| size.map_or(String::new(), |size| format!("{} x {}", size.x, size.y)));
-    ui.put(foot, egui::Label::new(egui::RichText::new(text).monospace().size(11.0)).truncate().halign(egui::Align::Min));
+    ui.put(
+        foot,
+        egui::Label::new(egui::RichText::new(text).monospace().size(11.0)).truncate().halign(egui::Align::Min),
+    );
 }
 
 fn draw(viewer: &Viewer, mapping: &Mapping, painter: &egui::Painter) {

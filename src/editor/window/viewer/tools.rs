@@ -16,9 +16,17 @@ use serde_json::{Map, Value as Json, json};
 
 /// What is being dragged.
 pub enum Drag {
-    Stroke { paint: String, radius: f32 },
-    Light { node: String },
-    Handle { node: String, number: usize },
+    Stroke {
+        paint: String,
+        radius: f32,
+    },
+    Light {
+        node: String,
+    },
+    Handle {
+        node: String,
+        number: usize,
+    },
     Shadow(Box<Swing>),
     /// The line between A and B.
     Wipe,
@@ -40,13 +48,7 @@ pub struct Swing {
 const REACH: f32 = 10.0;
 
 /// Whether the hand is at work, so that the picture stays where it is.
-pub fn ui(
-    viewer: &mut Viewer,
-    state: &mut State,
-    mapping: &Mapping,
-    response: &Response,
-    ui: &Ui,
-) -> bool {
+pub fn ui(viewer: &mut Viewer, state: &mut State, mapping: &Mapping, response: &Response, ui: &Ui) -> bool {
     if viewer.camera == Camera::Environment {
         return false;
     }
@@ -166,7 +168,8 @@ fn chosen(state: &State) -> Option<(String, Map<String, Json>)> {
     let (entry, node_type) = (state.entry(name)?, state.node_type(name)?);
     let mut params = (node_type.defaults)().as_object().cloned().unwrap_or_default();
     for (param, value) in &entry.params {
-        let curve = value.as_object().filter(|_| curve::is_curve(value)).and_then(|curve| curve::Curve::parse(curve).ok());
+        let curve =
+            value.as_object().filter(|_| curve::is_curve(value)).and_then(|curve| curve::Curve::parse(curve).ok());
         let value = curve.map_or_else(|| value.clone(), |curve| curve.at(state.frame as f64));
         params.insert(param.clone(), value);
     }
@@ -229,9 +232,8 @@ fn begin(viewer: &Viewer, state: &mut State, hand: &Hand, handles: &[Handle], at
                 Some(node) => node,
                 None => {
                     let lit = viewer.at(state)?.0;
-                    let placed = state.change("place a light", Some("light"), |document| {
-                        light::place(document, &lit, position)
-                    })?;
+                    let placed = state
+                        .change("place a light", Some("light"), |document| light::place(document, &lit, position))?;
                     state.choose(&placed);
                     placed
                 }
@@ -378,7 +380,9 @@ fn menu(state: &mut State, hand: &Hand, at: Option<Pos2>, ui: &mut Ui) {
         return;
     };
     let shown = hand.shown;
-    for (param, name) in [("objects", shown.object(&point).to_owned()), ("materials", shown.material(&point).to_owned())] {
+    for (param, name) in
+        [("objects", shown.object(&point).to_owned()), ("materials", shown.material(&point).to_owned())]
+    {
         let what = if param == "objects" { "object" } else { "material" };
         if !name.is_empty() && ui.button(format!("Pick {what} {name}")).clicked() {
             let place = super::super::graph::free_place(state);
