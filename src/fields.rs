@@ -28,8 +28,8 @@ pub enum Shape {
     Choice(Vec<String>),
     /// So many numbers: a point, a direction, a colour.
     Vector(usize),
-    /// Points of so many numbers each.
-    Points(usize),
+    /// Points of so many numbers each; so many, or any number of them.
+    Points(usize, Option<usize>),
     /// A list of texts, such as names of objects.
     Texts,
     /// Lists of texts by name.
@@ -137,7 +137,7 @@ fn list(schema: &Json, root: &Json, depth: usize) -> Shape {
     let count = same(schema["minItems"].as_u64(), schema["maxItems"].as_u64());
     match (shape(&schema["items"], root, depth - 1).0, count) {
         (Shape::Number(_), Some(count)) => Shape::Vector(count as usize),
-        (Shape::Vector(count), _) => Shape::Points(count),
+        (Shape::Vector(size), count) => Shape::Points(size, count.map(|count| count as usize)),
         (Shape::Text, None) => Shape::Texts,
         _ => Shape::Json,
     }
@@ -177,7 +177,8 @@ mod tests {
         assert_eq!(basis, Shape::Choice(["runs", "haar2d", "haar1d"].map(str::to_owned).to_vec()));
         assert_eq!(field("visibility", "groups").shape, Shape::Groups);
         assert_eq!(field("pick", "objects").shape, Shape::Texts);
-        assert_eq!(field("ratio_lattice", "points").shape, Shape::Points(2));
+        assert_eq!(field("ratio_lattice", "points").shape, Shape::Points(2, None));
+        assert_eq!(field("ratio_transform", "corners").shape, Shape::Points(2, Some(4)));
         assert_eq!((field("light", "position").shape, field("light", "position").unit), (Shape::Vector(3), "m".into()));
         assert!(field("light", "kind").optional && matches!(field("light", "kind").shape, Shape::Choice(_)));
         assert_eq!(field("paint", "strokes").shape, Shape::Json);

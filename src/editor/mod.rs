@@ -6,6 +6,7 @@
 //! history   undo and redo
 //! recovery  what is not saved, kept aside
 //! keeper    ... on a thread of its own
+//! paths     files that a recipe reads, when it moves
 //! recent    recipes that were opened last
 //! worker    evaluation off the window's thread
 //! look      what a viewer looks at, and what must be computed for it
@@ -25,6 +26,7 @@ pub mod history;
 pub mod keeper;
 pub mod keys;
 pub mod look;
+pub mod paths;
 pub mod recent;
 pub mod recovery;
 pub mod session;

@@ -1,6 +1,7 @@
 //! An open recipe: what it is now, what it was, what is wrong with it, and whether it is saved.
 
 use super::history::History;
+use super::paths::rebase;
 use crate::graph::{self, Document, Plan, Problem};
 use crate::node::Info;
 use crate::params::NodeType;
@@ -217,15 +218,21 @@ impl Session {
         }
     }
 
-    /// Writes the recipe to a file, which is its own from now on. Relative paths start from its folder.
+    /// Writes the recipe to a file, which is its own from now on. Paths of files that it reads are written anew, from its
+    /// folder.
     ///
     /// # Errors
     /// `Output` when it cannot be written; the old file is then as it was.
     pub fn save_as(&mut self, file: &Path) -> Result<()> {
-        let text = self.document.to_text();
+        let is_new = self.file.as_deref() != Some(file);
+        let mut document = (*self.document).clone();
+        if is_new {
+            rebase(&mut document, file.parent().unwrap_or(Path::new("")), self.registry);
+        }
+        let text = document.to_text();
         atomic::write(file, text.as_bytes())?;
-        self.saved = self.document.to_json();
-        if self.file.as_deref() != Some(file) {
+        self.saved = document.to_json();
+        if is_new {
             self.file = Some(file.to_owned());
             self.replace(Arc::new(Document::parse(file, &text)?));
         }

@@ -5,6 +5,7 @@ use chiaro::editor::window::{Engine, Places, State, Window};
 use chiaro::eval::{Evaluator, Options};
 use chiaro::graph::Document;
 use chiaro::nodes;
+use chiaro::params::NodeType;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -45,8 +46,17 @@ impl Desk {
     }
 
     pub fn open(folder: tempfile::TempDir, file: Option<PathBuf>) -> Self {
+        Self::open_with(folder, file, Device::Cpu, nodes::ALL)
+    }
+
+    pub fn open_with(
+        folder: tempfile::TempDir,
+        file: Option<PathBuf>,
+        device: Device,
+        registry: &'static [NodeType],
+    ) -> Self {
         let places = Places { folder: folder.path().join("editor") };
-        let engine = Engine { evaluator: Arc::new(Evaluator::new(Options::new(Device::Cpu))), registry: nodes::ALL };
+        let engine = Engine { evaluator: Arc::new(Evaluator::new(Options::new(device))), registry };
         let harness = Harness::builder()
             .with_size(vec2(1440.0, 900.0))
             .with_step_dt(1.0 / 60.0)
@@ -122,6 +132,15 @@ impl Desk {
             label.contains(text) || value.contains(text)
         };
         self.harness.query_all(egui_kittest::kittest::By::new().predicate(says)).next().is_some()
+    }
+
+    /// The line that tells what is under the pointer.
+    pub fn probe(&self) -> String {
+        let is_probe = |node: &egui_kittest::kittest::AccessKitNode| {
+            [node.label(), node.value()].into_iter().flatten().any(|text| text.contains("   P "))
+        };
+        let found = self.harness.query_all(egui_kittest::kittest::By::new().predicate(is_probe)).next();
+        found.and_then(|node| node.accesskit_node().label().or(node.value())).unwrap_or_default()
     }
 
     pub fn click(&mut self, name: &str) {
@@ -237,6 +256,19 @@ impl Desk {
     pub fn picture(&self) -> Arc<chiaro::image::Image> {
         self.state().last.as_ref().expect("something is shown").picture.clone()
     }
+}
+
+/// Whether there is a driver to draw with, software or not; says so when there is none.
+pub fn can_draw() -> bool {
+    static CAN: std::sync::OnceLock<bool> = std::sync::OnceLock::new();
+    let can = *CAN.get_or_init(|| {
+        let draw = || Harness::builder().with_size(vec2(8.0, 8.0)).build_ui(|_| {}).render().is_ok();
+        std::panic::catch_unwind(draw).unwrap_or(false)
+    });
+    if !can {
+        println!("skipped: no driver to draw with");
+    }
+    can
 }
 
 /// Beside a place.

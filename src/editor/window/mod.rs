@@ -56,6 +56,8 @@ pub struct Window {
     state: State,
     engine: Engine,
     panes: egui_tiles::Tree<Pane>,
+    /// The column that the timeline stands in, and the timeline.
+    time: [egui_tiles::TileId; 2],
     graph: GraphPane,
     inspector: Inspector,
     timeline: Timeline,
@@ -80,10 +82,12 @@ impl Window {
         let (files, session) = Files::start(places, file, engine.registry)?;
         let help = Help::new(files.is_first_start());
         let main = Viewer::new(ctx, &engine, 0, viewer::Camera::Recipe);
+        let (panes, time) = layout(main);
         look::install(ctx);
         Ok(Self {
             state: State::new(session),
-            panes: layout(main),
+            panes,
+            time,
             graph: GraphPane::default(),
             inspector: Inspector::default(),
             timeline: Timeline::default(),
@@ -115,6 +119,16 @@ impl Window {
         egui::Panel::top("menus").show(ui, |ui| self.menus(ui));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
         self.timeline.tick(&mut self.state, &ctx);
+        if let Some(curves) = self.timeline.turned() {
+            let [column, time] = self.time;
+            // Panes are wrapped in tabs.
+            let time = self.panes.tiles.parent_of(time).filter(|tabs| *tabs != column).unwrap_or(time);
+            if let Some(egui_tiles::Tile::Container(egui_tiles::Container::Linear(column))) =
+                self.panes.tiles.get_mut(column)
+            {
+                column.shares.set_share(time, if curves { CURVES } else { TIME });
+            }
+        }
         egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
             let Self { panes, state, graph, inspector, timeline, help, .. } = self;
             let mut behaviour = Behaviour { state, graph, inspector, timeline, help };
@@ -236,8 +250,12 @@ impl Window {
     }
 }
 
+/// Share of its column that the timeline takes, without and with curves.
+const TIME: f32 = 0.28;
+const CURVES: f32 = 0.9;
+
 /// Graph below the picture, the inspector beside both, time at the foot.
-fn layout(main: Viewer) -> egui_tiles::Tree<Pane> {
+fn layout(main: Viewer) -> (egui_tiles::Tree<Pane>, [egui_tiles::TileId; 2]) {
     let mut tiles = egui_tiles::Tiles::default();
     let pictures = tiles.insert_pane(Pane::Viewer(Box::new(main)));
     let pictures = tiles.insert_tab_tile(vec![pictures]);
@@ -246,14 +264,14 @@ fn layout(main: Viewer) -> egui_tiles::Tree<Pane> {
     let mut left = egui_tiles::Linear::new(egui_tiles::LinearDir::Vertical, vec![pictures, graph, time]);
     left.shares.set_share(pictures, 1.5);
     left.shares.set_share(graph, 1.0);
-    left.shares.set_share(time, 0.28);
+    left.shares.set_share(time, TIME);
     let left = tiles.insert_container(left);
     let inspector = tiles.insert_pane(Pane::Inspector);
     let mut all = egui_tiles::Linear::new(egui_tiles::LinearDir::Horizontal, vec![left, inspector]);
     all.shares.set_share(left, 1.0);
     all.shares.set_share(inspector, 0.36);
     let root = tiles.insert_container(all);
-    egui_tiles::Tree::new("panes", root, tiles)
+    (egui_tiles::Tree::new("panes", root, tiles), [left, time])
 }
 
 struct Behaviour<'a> {
@@ -264,13 +282,17 @@ struct Behaviour<'a> {
     help: &'a mut Help,
 }
 
+fn margin(ui: &mut egui::Ui, content: impl FnOnce(&mut egui::Ui)) {
+    egui::Frame::NONE.inner_margin(6.0).show(ui, content);
+}
+
 impl egui_tiles::Behavior<Pane> for Behaviour<'_> {
     fn pane_ui(&mut self, ui: &mut egui::Ui, _: egui_tiles::TileId, pane: &mut Pane) -> egui_tiles::UiResponse {
         match pane {
             Pane::Graph => self.graph.ui(self.state, ui),
             Pane::Viewer(viewer) => viewer.ui(self.state, ui),
-            Pane::Inspector => self.inspector.ui(self.state, self.help, ui),
-            Pane::Timeline => self.timeline.ui(self.state, ui),
+            Pane::Inspector => margin(ui, |ui| self.inspector.ui(self.state, self.help, ui)),
+            Pane::Timeline => margin(ui, |ui| self.timeline.ui(self.state, ui)),
         }
         egui_tiles::UiResponse::None
     }

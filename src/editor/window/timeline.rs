@@ -13,6 +13,7 @@ pub struct Timeline {
     /// When the frame that is shown began to be.
     since: Option<Instant>,
     curves: bool,
+    turned: bool,
     /// A key that is dragged: where it is now.
     held: Option<f64>,
     /// A point of a curve that is dragged: parameter, component, frame.
@@ -34,6 +35,11 @@ impl Timeline {
             self.since = Some(Instant::now());
         }
         ctx.request_repaint_after_secs(left.max(0.001) as f32);
+    }
+
+    /// Whether curves are shown, when that has just changed: they need room.
+    pub fn turned(&mut self) -> Option<bool> {
+        std::mem::take(&mut self.turned).then_some(self.curves)
     }
 
     /// To the next frame or the one before, round at the ends.
@@ -66,7 +72,8 @@ impl Timeline {
             let [first, last] = state.document().frames;
             let frame = egui::DragValue::new(&mut state.frame).range(first..=last).prefix("frame ");
             named(ui.add(frame), WidgetType::DragValue, "frame");
-            ui.toggle_value(&mut self.curves, "Curves").on_hover_text("values of the chosen node's keys");
+            let curves = ui.toggle_value(&mut self.curves, "Curves").on_hover_text("values of the chosen node's keys");
+            self.turned |= curves.changed();
         });
         self.ruler(state, ui);
         if self.curves {

@@ -6,6 +6,7 @@ mod questions;
 use super::commands::Command;
 use super::state::State;
 use crate::editor::keeper::Keeper;
+use crate::editor::paths::written;
 use crate::editor::recent::Recent;
 use crate::editor::recovery::{self, Left, Recovery};
 use crate::editor::{OnDisk, Session};
@@ -309,37 +310,6 @@ fn example(registry: &'static [NodeType]) -> Result<Session> {
     Ok(Session::new_of(document, registry))
 }
 
-/// A path as a recipe has it: from its own folder, where the file lies in it or beside it.
-fn written(base: &Path, file: &Path) -> String {
-    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let (base, file) = (absolute(base), absolute(file));
-    let shared = base.iter().zip(file.iter()).take_while(|(a, b)| a == b).count();
-    let up = base.iter().count() - shared;
-    if shared <= 1 || up > 3 {
-        return file.display().to_string();
-    }
-    let rest: PathBuf = std::iter::repeat_n("..".as_ref(), up).chain(file.iter().skip(shared)).collect();
-    rest.display().to_string().replace('\\', "/")
-}
-
 fn with_suffix(file: PathBuf) -> PathBuf {
     if file.extension().is_some() { file } else { file.with_extension("json") }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn paths_are_written_from_the_recipe_s_folder() {
-        for (base, file, path) in [
-            ("/a/b", "/a/b/c.glb", "c.glb"),
-            ("/a/b", "/a/b/d/c.glb", "d/c.glb"),
-            ("/a/b", "/a/e/c.glb", "../e/c.glb"),
-            ("/a/b", "/x/c.glb", "/x/c.glb"),
-            ("/a/b/c/d/e", "/a/x.glb", "/a/x.glb"),
-        ] {
-            assert_eq!(written(Path::new(base), Path::new(file)), path);
-        }
-    }
 }

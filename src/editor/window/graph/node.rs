@@ -39,8 +39,13 @@ pub fn header(state: &State, name: &str, ui: &mut Ui) {
 
 pub fn footer(state: &State, name: &str, ui: &mut Ui) {
     ui.style_mut().interaction.selectable_labels = false;
-    let Some(known) = state.known.get(name) else { return };
     ui.spacing_mut().interact_size.y = 0.0;
+    if let Some(progress) = state.progress.as_ref().filter(|progress| progress.node == name) {
+        let share = progress.done as f32 / progress.total.max(1) as f32;
+        let bar = egui::ProgressBar::new(share).desired_width(110.0).desired_height(6.0);
+        ui.add(bar).on_hover_text(&progress.stage);
+    }
+    let Some(known) = state.known.get(name) else { return };
     ui.vertical(|ui| {
         if let Some(thumb) = &known.thumb {
             ui.image(thumb);

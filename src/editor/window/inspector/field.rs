@@ -114,7 +114,10 @@ fn start(field: &Field) -> Json {
             let filled: Vec<f64> = (0..*count).map(|i| numbers.get(i).copied().unwrap_or(0.0)).collect();
             json!(filled)
         }
-        Shape::Points(_) | Shape::Texts => json!([]),
+        // Corners of the unit square, or two across it.
+        Shape::Points(2, Some(4)) => json!([[0, 0], [1, 0], [1, 1], [0, 1]]),
+        Shape::Points(size, Some(count)) => (0..*count).map(|i| json!(vec![i; *size])).collect(),
+        Shape::Points(_, None) | Shape::Texts => json!([]),
         Shape::Groups => json!({}),
         Shape::Json => Json::Null,
     }
@@ -150,7 +153,7 @@ fn shaped(drafts: &mut Drafts, node: &str, field: &Field, value: &Json, ui: &mut
         Shape::Vector(count) => vector_ui(field, *count, value, ui),
         Shape::Json if name == "curve" => curve::ui(value, ui),
         Shape::Texts => texts_ui(drafts, node, field, value, ui),
-        Shape::Points(_) | Shape::Groups | Shape::Json => json_ui(drafts, node, field, value, ui),
+        Shape::Points(..) | Shape::Groups | Shape::Json => json_ui(drafts, node, field, value, ui),
     }
 }
 

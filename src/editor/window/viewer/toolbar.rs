@@ -9,9 +9,12 @@ use egui::{ComboBox, DragValue, Ui, WidgetType};
 
 pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
     let before = viewer.settings.clone();
-    ui.horizontal_wrapped(|ui| {
-        ui.spacing_mut().item_spacing.x = 6.0;
-        tools(viewer, state, ui);
+    // Two rows, whatever the tool: the picture is not to jump when another is taken.
+    ui.spacing_mut().item_spacing.x = 6.0;
+    if viewer.camera != Camera::Environment {
+        ui.horizontal(|ui| tools(viewer, state, ui));
+    }
+    ui.horizontal(|ui| {
         layers(viewer, ui);
         display(viewer, ui);
         compare(viewer, state, ui);
@@ -25,23 +28,21 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
 }
 
 fn tools(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
-    if viewer.camera == Camera::Environment {
-        return;
-    }
     for tool in Tool::ALL {
         if ui.selectable_label(state.tool == tool, tool.name()).clicked() {
             state.tool = tool;
         }
     }
     match state.tool {
-        Tool::Point => {}
+        Tool::Point => {
+            ui.weak("hover to probe, drag handles, right click to pick");
+        }
         Tool::Light => {
             let offset = DragValue::new(&mut viewer.offset).speed(0.01).range(0.0..=1e6).suffix(" m");
             named(ui.add(offset), WidgetType::DragValue, "light offset").on_hover_text("how far off the surface");
         }
         Tool::Brush => brush(viewer, state, ui),
     }
-    ui.separator();
 }
 
 fn brush(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
