@@ -1,6 +1,6 @@
 //! From paint on a shadow to the light that it belongs to, and to edits of that shadow (thesis 6.7.2).
 
-use super::insert::insert_after;
+use super::insert::{free, insert_after};
 use crate::editor::look::nearest;
 use crate::graph::{Document, split};
 use crate::{Error, Result};
@@ -42,13 +42,15 @@ pub fn find_light(document: &mut Document, selected: &[String]) -> Result<Found>
     let environment =
         environment.or(document.nodes[&integrate].inputs.get("environment")).cloned().ok_or_else(lacking)?;
     let beside = document.layout.get(&paint).copied().unwrap_or_default();
-    let light = document.add_node("localize_light", [beside[0] + 220.0, beside[1]]);
+    let place = free(document, [beside[0] + 220.0, beside[1]]);
+    let light = document.add_node("localize_light", place);
     document.connect(&seen, &light, "visibility")?;
     document.connect(&environment, &light, "environment")?;
     document.connect(&paint, &light, "selection")?;
     // The brightest of what the shadow misses; all at once is `which` 0.
     document.set_param(&light, "which", Some(1.into()));
-    let picture = document.add_node("environment_image", [beside[0] + 440.0, beside[1] + 120.0]);
+    let place = free(document, [beside[0] + 440.0, beside[1] + 120.0]);
+    let picture = document.add_node("environment_image", place);
     document.connect(&environment, &picture, "environment")?;
     document.connect(&light, &picture, "light")?;
     Ok(Found { edit: light.clone(), light, picture })

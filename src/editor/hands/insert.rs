@@ -3,6 +3,15 @@
 use crate::Result;
 use crate::graph::Document;
 
+/// Near a place, where no node lies.
+pub fn free(document: &Document, at: [f64; 2]) -> [f64; 2] {
+    let is_taken = |at: [f64; 2]| {
+        document.layout.values().any(|other| (other[0] - at[0]).abs() < 150.0 && (other[1] - at[1]).abs() < 110.0)
+    };
+    let mut below = (0..64).map(|row| [at[0], at[1] + 60.0 * f64::from(row)]);
+    below.find(|at| !is_taken(*at)).unwrap_or(at)
+}
+
 /// Adds a node that takes from `from` (as recipes write it), and leads to it all that took from there. Returns its name.
 ///
 /// # Errors
@@ -10,7 +19,8 @@ use crate::graph::Document;
 pub fn insert_after(document: &mut Document, from: &str, kind: &str, port: &str) -> Result<String> {
     let (source, _) = crate::graph::split(from);
     let beside = document.layout.get(source).copied().unwrap_or_default();
-    let name = document.add_node(kind, [beside[0] + 40.0, beside[1] + 110.0]);
+    let place = free(document, [beside[0] + 40.0, beside[1] + 110.0]);
+    let name = document.add_node(kind, place);
     for (other, entry) in &mut document.nodes {
         if *other != name {
             entry.inputs.values_mut().filter(|wire| *wire == from).for_each(|wire| wire.clone_from(&name));

@@ -1,5 +1,6 @@
 //! Placing lights (thesis 4.4.1): a press on a surface puts a light in front of it.
 
+use super::insert::free;
 use crate::graph::{Document, split};
 use crate::{Error, Result};
 use glam::Vec3;
@@ -22,7 +23,8 @@ pub fn place(document: &mut Document, lit: &str, position: Vec3) -> Result<Strin
     })?;
     let (relight, from) = source;
     let beside = document.layout.get(&relight).copied().unwrap_or_default();
-    let name = document.add_node("light", [beside[0] - 180.0, beside[1] - 110.0]);
+    let place = free(document, [beside[0] - 180.0, beside[1] - 110.0]);
+    let name = document.add_node("light", place);
     document.connect(&from, &name, "scene")?;
     document.connect(&name, &relight, "scene")?;
     // A light of the scene is changed by name: each node has one of its own.

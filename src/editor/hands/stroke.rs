@@ -1,5 +1,6 @@
 //! Brush strokes: where they go, and how they grow.
 
+use super::insert::free;
 use super::light::rounded;
 use crate::graph::{Document, split};
 use crate::node::Info;
@@ -38,8 +39,9 @@ pub fn target(document: &mut Document, node: Option<(&str, &Info)>, port: Option
     match before {
         None => document.connect(&paint, name, port)?,
         Some(before) => {
-            let union = document.add_node("select", document.layout.get(&paint).copied().unwrap_or_default());
-            document.layout.entry(union.clone()).and_modify(|at| at[1] += 130.0);
+            let below = document.layout.get(&paint).copied().unwrap_or_default();
+            let place = free(document, [below[0] + 110.0, below[1] + 110.0]);
+            let union = document.add_node("select", place);
             document.connect(&before, &union, "a")?;
             document.connect(&paint, &union, "b")?;
             document.connect(&union, name, port)?;
@@ -50,6 +52,7 @@ pub fn target(document: &mut Document, node: Option<(&str, &Info)>, port: Option
 
 fn fresh(document: &mut Document, scene: &str, beside: Option<[f64; 2]>) -> Result<String> {
     let at = beside.map_or([0.0, 320.0], |at| [at[0] - 220.0, at[1] + 130.0]);
+    let at = free(document, at);
     let name = document.add_node("paint", at);
     document
         .connect(scene, &name, "scene")

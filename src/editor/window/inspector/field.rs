@@ -95,7 +95,7 @@ pub fn ui(drafts: &mut Drafts, node: &str, field: &Field, value: &Json, ui: &mut
 /// What a value left out stands for, where the words begin with it: `(0, 2, 0) Where ...`.
 fn hint(field: &Field) -> String {
     let end = field.doc.strip_prefix('(').and_then(|rest| rest.split_once(')'));
-    end.map_or_else(|| "found, or left as it is".to_owned(), |(hint, _)| hint.to_owned())
+    end.map_or_else(|| "not given".to_owned(), |(hint, _)| hint.to_owned())
 }
 
 /// A value to start from.

@@ -12,9 +12,9 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
     // Two rows, whatever the tool: the picture is not to jump when another is taken.
     ui.spacing_mut().item_spacing.x = 6.0;
     if viewer.camera != Camera::Environment {
-        ui.horizontal(|ui| tools(viewer, state, ui));
+        ui.horizontal_wrapped(|ui| tools(viewer, state, ui));
     }
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         layers(viewer, ui);
         display(viewer, ui);
         compare(viewer, state, ui);
