@@ -1,6 +1,6 @@
 //! The first start, and what can be looked up.
 
-use super::desk::Desk;
+use super::desk::{Desk, can_draw};
 use egui::{Key, Modifiers};
 
 #[test]
@@ -55,5 +55,28 @@ fn all_that_can_be_used_has_a_name() {
             .map(|node| (node.accesskit_node().role(), node.rect()))
             .collect();
         assert!(nameless.is_empty(), "with {node} chosen: {nameless:?}");
+    }
+}
+
+#[test]
+fn the_window_is_light_or_dark_all_over() {
+    if !can_draw() {
+        return;
+    }
+    let mut desk = Desk::room();
+    desk.click("Skip");
+    desk.click("node edit");
+    for (is_light, command) in [(false, None), (true, Some("Dark or light")), (false, Some("Dark or light"))] {
+        if let Some(command) = command {
+            desk.menu("View", command);
+            desk.frames(4);
+        }
+        let image = desk.harness.render().unwrap();
+        // Beside the inspector's words, beside the timeline's, and in the bar at the foot.
+        for (x, y) in [(1400, 700), (900, 828), (700, 892)] {
+            let [r, g, b, _] = image.get_pixel(x, y).0;
+            let is_bright = u32::from(r) + u32::from(g) + u32::from(b) > 600;
+            assert_eq!(is_bright, is_light, "at {x}, {y}: {r} {g} {b}");
+        }
     }
 }

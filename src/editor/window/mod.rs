@@ -129,7 +129,8 @@ impl Window {
                 column.shares.set_share(time, if curves { CURVES } else { TIME });
             }
         }
-        egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
+        let frame = egui::Frame::NONE.fill(ui.visuals().panel_fill);
+        egui::CentralPanel::default().frame(frame).show(ui, |ui| {
             let Self { panes, state, graph, inspector, timeline, help, .. } = self;
             let mut behaviour = Behaviour { state, graph, inspector, timeline, help };
             panes.ui(&mut behaviour, ui);

@@ -170,7 +170,9 @@ impl SnarlViewer<String> for Draw<'_> {
         self.rects.insert(name.clone(), rect);
         let frame = Id::new(GRAPH).with(("snarl-node", node)).with("frame");
         let Some(response) = ui.ctx().read_response(frame) else { return };
-        let seen = (self.to_global * rect).intersect(self.screen);
+        // The part that is seen; all of it where none is.
+        let whole = self.to_global * rect;
+        let seen = if whole.intersects(self.screen) { whole.intersect(self.screen) } else { whole };
         describe(ui.ctx(), frame, &node::spoken(self.state, &name), seen);
         let adds = ui.input(|input| input.modifiers.shift || input.modifiers.command);
         let is_chosen = self.state.selected.contains(&name);

@@ -68,7 +68,8 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
     let label = if viewer.is_main() { "picture".to_owned() } else { format!("picture {}", viewer.number) };
     let response = named(response, WidgetType::Image, label);
     let painter = ui.painter_at(pane);
-    painter.rect_filled(pane, 0.0, ui.visuals().extreme_bg_color);
+    // The same grey in light and dark: colours are judged beside it.
+    painter.rect_filled(pane, 0.0, Color32::from_gray(40));
     let size = viewer.shown.as_ref().map(|shown| {
         let (width, height) = (shown.picture.width, shown.picture.height);
         Vec2::new(width as f32, height as f32)
