@@ -2,11 +2,10 @@
 //! thread, because a large picture takes longer than a frame.
 
 use super::display::{self, Display};
+use super::latest::Latest;
 use super::shown::Shown;
 use crate::image::Image;
 use rayon::prelude::*;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::JoinHandle;
 
 /// RGBA, row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,50 +78,21 @@ fn pixels(image: &Image, settings: &Settings) -> Pixels {
 }
 
 /// Develops on a thread of its own; the newest wins.
-pub struct Developer {
-    work: Option<Sender<(Shown, Settings)>>,
-    done: Receiver<Developed>,
-    thread: Option<JoinHandle<()>>,
-}
+pub struct Developer(Latest<(Shown, Settings), Developed>);
 
 impl Developer {
     /// `wake` is called when there is something developed.
     pub fn new(wake: impl Fn() + Send + 'static) -> Self {
-        let (work, jobs) = channel::<(Shown, Settings)>();
-        let (sender, done) = channel();
-        let serve = move || {
-            while let Ok(mut job) = jobs.recv() {
-                while let Ok(newer) = jobs.try_recv() {
-                    job = newer;
-                }
-                if sender.send(develop(&job.0, &job.1)).is_err() {
-                    return;
-                }
-                wake();
-            }
-        };
-        let thread = std::thread::Builder::new().name("developing".to_owned()).spawn(serve).ok();
-        Self { work: Some(work), done, thread }
+        Self(Latest::new("developing", |(shown, settings)| Some(develop(&shown, &settings)), wake))
     }
 
     pub fn develop(&self, shown: &Shown, settings: &Settings) {
-        if let Some(work) = &self.work {
-            let _ = work.send((shown.clone(), settings.clone()));
-        }
+        self.0.ask((shown.clone(), settings.clone()));
     }
 
     /// The newest that is developed since it was last asked.
     pub fn developed(&self) -> Option<Developed> {
-        self.done.try_iter().last()
-    }
-}
-
-impl Drop for Developer {
-    fn drop(&mut self) {
-        self.work = None;
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.0.answer()
     }
 }
 

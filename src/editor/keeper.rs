@@ -1,18 +1,13 @@
 //! Autosave: keeps the recipe aside on a thread of its own, because disks are slow when it matters.
 
+use super::latest::Latest;
 use super::recovery::Recovery;
 use crate::Error;
 use crate::graph::Document;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::JoinHandle;
 
-pub struct Keeper {
-    work: Option<Sender<Message>>,
-    failed: Receiver<Error>,
-    thread: Option<JoinHandle<()>>,
-}
+pub struct Keeper(Latest<Message, Error>);
 
 enum Message {
     Keep(Arc<Document>, Option<PathBuf>),
@@ -21,56 +16,29 @@ enum Message {
 
 impl Keeper {
     pub fn new(mut recovery: Recovery) -> Self {
-        let (work, jobs) = channel();
-        let (sender, failed) = channel();
-        let serve = move || {
-            while let Ok(mut job) = jobs.recv() {
-                while let Ok(newer) = jobs.try_recv() {
-                    job = newer;
-                }
-                match job {
-                    Message::Keep(document, file) => {
-                        if let Err(error) = recovery.keep(&document, file.as_deref()) {
-                            let _ = sender.send(error);
-                        }
-                    }
-                    Message::Forget => recovery.forget(),
-                }
+        let work = move |message| match message {
+            Message::Keep(document, file) => recovery.keep(&document, file.as_deref()).err(),
+            Message::Forget => {
+                recovery.forget();
+                None
             }
         };
-        let thread = std::thread::Builder::new().name("autosave".to_owned()).spawn(serve).ok();
-        Self { work: Some(work), failed, thread }
+        Self(Latest::new("autosave", work, || {}))
     }
 
     /// The recipe has changed; `file` is where it would be saved.
     pub fn keep(&self, document: &Arc<Document>, file: Option<PathBuf>) {
-        self.send(Message::Keep(document.clone(), file));
+        self.0.ask(Message::Keep(document.clone(), file));
     }
 
     /// It was saved, or given up.
     pub fn forget(&self) {
-        self.send(Message::Forget);
-    }
-
-    fn send(&self, message: Message) {
-        if let Some(work) = &self.work {
-            let _ = work.send(message);
-        }
+        self.0.ask(Message::Forget);
     }
 
     /// What went wrong since it was last asked.
     pub fn failed(&self) -> Option<Error> {
-        self.failed.try_iter().last()
-    }
-}
-
-impl Drop for Keeper {
-    /// What was asked for is done first.
-    fn drop(&mut self) {
-        self.work = None;
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.0.answer()
     }
 }
 

@@ -9,6 +9,7 @@
 //! paths     files that a recipe reads, when it moves
 //! recent    recipes that were opened last
 //! worker    evaluation off the window's thread
+//! latest    a thread that does the newest of what it is asked for
 //! look      what a viewer looks at, and what must be computed for it
 //! shown     what was computed: a picture, and the surfaces that its pixels lie on
 //! display   a layer as it is shown: exposure, transform, channels, false colour
@@ -25,6 +26,7 @@ pub mod hands;
 pub mod history;
 pub mod keeper;
 pub mod keys;
+mod latest;
 pub mod look;
 pub mod paths;
 pub mod recent;

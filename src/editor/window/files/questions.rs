@@ -93,7 +93,7 @@ impl Files {
             0 => {
                 let session = Session::recovered(left.document.clone(), left.file.clone(), state.session.registry());
                 self.replace(state, session);
-                // Kept by this window before the other's is let go.
+                // This window keeps it from now on.
                 if let Some(keeper) = &self.keeper {
                     keeper.keep(state.session.document(), left.file.clone());
                 }

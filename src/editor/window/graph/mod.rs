@@ -99,11 +99,10 @@ fn add(wanted: Wanted, state: &mut State) {
     let added = state.change(&format!("add {kind}"), None, |document| {
         let name = document.add_node(kind, at);
         match &port {
-            Some(palette::Port { node, name: text, kind, is_output: true }) => {
+            Some(palette::Port { name: text, kind, is_output: true, .. }) => {
                 if let Some(input) = info.inputs.iter().find(|input| Some(input.kind) == *kind) {
                     document.connect(text, &name, input.name)?;
                 }
-                let _ = node;
             }
             Some(palette::Port { node, name: port, kind, is_output: false }) => {
                 if let Some(number) = info.outputs.iter().position(|output| Some(output.kind) == *kind) {

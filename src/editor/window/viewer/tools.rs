@@ -4,10 +4,10 @@ use super::picture::{self, Mapping};
 use super::{Camera, Viewer};
 use crate::editor::hands::handles::{self, Grip, Handle, Place};
 use crate::editor::hands::{light, ring, shadow, stroke};
+use crate::editor::keys;
 use crate::editor::look::nearest;
 use crate::editor::shown::Shown;
 use crate::editor::window::state::{State, Tool};
-use crate::graph::curve;
 use crate::scene::SurfacePoint;
 use crate::scene::bvh::Ray;
 use egui::{Color32, PointerButton, Pos2, Response, Stroke, Ui};
@@ -168,10 +168,7 @@ fn chosen(state: &State) -> Option<(String, Map<String, Json>)> {
     let (entry, node_type) = (state.entry(name)?, state.node_type(name)?);
     let mut params = (node_type.defaults)().as_object().cloned().unwrap_or_default();
     for (param, value) in &entry.params {
-        let curve =
-            value.as_object().filter(|_| curve::is_curve(value)).and_then(|curve| curve::Curve::parse(curve).ok());
-        let value = curve.map_or_else(|| value.clone(), |curve| curve.at(state.frame as f64));
-        params.insert(param.clone(), value);
+        params.insert(param.clone(), keys::value_at(value, state.frame as f64));
     }
     Some((entry.kind.clone(), params))
 }
@@ -342,7 +339,7 @@ fn drag_handle(node: &str, number: usize, offset: f32, state: &mut State, hand: 
     let mark = format!("handle {node} {number}");
     state.change(&format!("move {}", handle.name), Some(&mark), |document| {
         for (param, value) in changes {
-            crate::editor::keys::set(document, node, param, value, frame);
+            keys::set(document, node, param, value, frame);
         }
         Ok(())
     });
@@ -368,7 +365,7 @@ fn drag_shadow(swing: &Swing, state: &mut State, hand: &Hand, at: Pos2) {
     };
     let frame = state.frame;
     state.change("drag the shadow", Some("shadow"), |document| {
-        crate::editor::keys::set(document, &swing.node, param, value, frame);
+        keys::set(document, &swing.node, param, value, frame);
         Ok(())
     });
 }
