@@ -111,7 +111,7 @@ mod tests {
             fps: 24.0,
             base: Path::new(""),
             out: None,
-            recipe: "",
+            recipe: &String::new,
             key: Key::of(&[]),
             notes: &notes,
         };

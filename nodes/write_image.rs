@@ -55,8 +55,8 @@ impl Node for WriteImage {
         }
         let warnings = match format {
             Format::Exr => {
-                let key = job.key.to_string();
-                let header = [("chiaro:recipe", job.recipe), ("chiaro:key", key.as_str())];
+                let (recipe, key) = ((job.recipe)(), job.key.to_string());
+                let header = [("chiaro:recipe", recipe.as_str()), ("chiaro:key", key.as_str())];
                 exr_write::write(&path, &image, self.depth, &header)?
             }
             Format::Png => match &image.layers[..] {

@@ -266,8 +266,8 @@ pub struct Job<'a> {
     pub base: &'a Path,
     /// The folder `--out` names: relative output paths start from it instead of `base`.
     pub out: Option<&'a Path>,
-    /// The recipe as it was read, for the headers of pictures.
-    pub recipe: &'a str,
+    /// Gives the recipe as text, for the headers of pictures.
+    pub recipe: &'a (dyn Fn() -> String + Sync),
     /// Key of the value being computed.
     pub key: Key,
     /// What the node says about itself in the report: rays, coefficients kept, error bound.

@@ -178,7 +178,7 @@ fn overrides_of_the_command_line_are_usage_errors() {
     };
     let good = set(&["a.value=2", "a.width=3"]).unwrap();
     assert_eq!(good.steps[0].node(1.0).unwrap().params()["value"], json!(2.0));
-    assert!(good.recipe.contains("\"value\": 2"), "the headers of pictures tell what was rendered");
+    assert!(good.recipe().contains("\"value\": 2"), "the headers of pictures tell what was rendered");
     let error = set(&["a.value=-2", "a.widht=3"]).err().unwrap();
     assert!(matches!(error, Error::Usage { .. }));
     let message = error.to_string();
@@ -228,7 +228,7 @@ fn muted_nodes_are_passed_by() {
     assert!(muted.targets(&["brush".to_owned()]).unwrap_err().to_string().contains("muted"));
     // A required one is a problem, with its place.
     let mut document = recipe([false; 3], "room");
-    document.nodes["room"].muted = true;
+    document.entry_mut("room").unwrap().muted = true;
     let error = Plan::new(&document, chiaro::nodes::ALL).err().unwrap();
     assert!(error.to_string().contains("takes from \"room\", which is muted"), "{error}");
     // And it is part of the recipe.

@@ -40,7 +40,7 @@ fn run_at(
         fps: 24.0,
         base,
         out,
-        recipe: "{ \"chiaro\": 1 }",
+        recipe: &|| "{ \"chiaro\": 1 }".to_owned(),
         key: Key::of(&[b"key"]),
         notes: &notes,
     };

@@ -36,7 +36,7 @@ fn run(kind: &str, params: Json, inputs: &[(&str, Value)]) -> Result<(Value, Map
         fps: 24.0,
         base: Path::new("."),
         out: None,
-        recipe: "",
+        recipe: &String::new,
         key: Key::of(&[b"key"]),
         notes: &notes,
     };

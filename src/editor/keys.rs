@@ -2,6 +2,7 @@
 
 use crate::graph::{Document, curve};
 use serde_json::{Map, Value as Json, json};
+use std::borrow::Cow;
 
 /// Keys of a parameter, in order; `None` when it does not change over time.
 pub fn keys(document: &Document, node: &str, param: &str) -> Option<Vec<(f64, Json)>> {
@@ -18,10 +19,10 @@ pub fn interpolation(document: &Document, node: &str, param: &str) -> String {
 }
 
 /// The value at a frame; the parameter itself where it does not change over time.
-pub fn value_at(value: &Json, frame: f64) -> Json {
+pub fn value_at(value: &Json, frame: f64) -> Cow<'_, Json> {
     let object = value.as_object().filter(|_| curve::is_curve(value));
     let curve = object.and_then(|object| curve::Curve::parse(object).ok());
-    curve.map_or_else(|| value.clone(), |curve| curve.at(frame))
+    curve.map_or(Cow::Borrowed(value), |curve| Cow::Owned(curve.at(frame)))
 }
 
 /// Sets a value: at the frame where the parameter has keys, and for good where it has none.
@@ -71,7 +72,7 @@ pub fn move_key(document: &mut Document, node: &str, param: &str, from: f64, to:
 pub fn set_interpolation(document: &mut Document, node: &str, param: &str, name: &str) {
     let Some(list) = keys(document, node, param) else { return };
     write(document, node, param, &list);
-    if let Some(Json::Object(curve)) = document.nodes[node].params.get_mut(param) {
+    if let Some(Json::Object(curve)) = document.entry_mut(node).and_then(|entry| entry.params.get_mut(param)) {
         curve.insert("interpolation".to_owned(), name.into());
     }
 }
@@ -125,7 +126,7 @@ mod tests {
         set(&mut document, "a", "b", json!(5.0), 10);
         let all = |document: &Document| keys(document, "a", "b").unwrap();
         assert_eq!(all(&document), [(1.0, json!(0.0)), (10.0, json!(5.0)), (20.0, json!(2.0))]);
-        assert_eq!(value_at(&document.nodes["a"].params["b"], 5.5), json!(2.5));
+        assert_eq!(*value_at(&document.nodes["a"].params["b"], 5.5), json!(2.5));
         move_key(&mut document, "a", "b", 1.0, 20.0, None);
         assert_eq!(all(&document), [(10.0, json!(5.0)), (20.0, json!(0.0))]);
         set_interpolation(&mut document, "a", "b", "smooth");

@@ -5,6 +5,7 @@ use crate::params::NodeType;
 use crate::value::Kind;
 use crate::{Error, Result};
 use serde_json::{Map, json};
+use std::sync::Arc;
 
 /// A node and the number of its output.
 pub type Output = (String, usize);
@@ -129,7 +130,7 @@ impl Staging {
     /// Shows surfaces: through the nearest view, of another scene or camera where one is given.
     fn look_through(&mut self, view: Option<String>, scene: Option<&Output>, camera: Option<&Output>) {
         let mut entry = match &view {
-            Some(view) => self.document.nodes[view].clone(),
+            Some(view) => NodeEntry::clone(&self.document.nodes[view]),
             None => node("view_samples", Map::new()),
         };
         for (port, given) in [("scene", scene), ("camera", camera)] {
@@ -153,20 +154,20 @@ impl Staging {
         let Eye { position, target, fov_y, size: [width, height] } = *eye;
         let params = json!({ "position": position, "target": target, "fov_y": fov_y });
         let camera = self.add("camera", node("camera", params.as_object().cloned().unwrap_or_default()));
-        let mut view = self.document.nodes[&samples].clone();
+        let mut view = NodeEntry::clone(&self.document.nodes[&samples]);
         view.inputs.insert("camera".to_owned(), camera);
         view.params.insert("width".to_owned(), width.into());
         view.params.insert("height".to_owned(), height.into());
         view.params.insert("samples_per_pixel".to_owned(), 1.into());
         match clay {
             true => self.samples = Some(self.add("eye", view)),
-            false => drop(self.document.nodes.insert(samples, view)),
+            false => drop(self.document.nodes.insert(samples, Arc::new(view))),
         }
     }
 
     fn add(&mut self, name: &str, entry: NodeEntry) -> String {
         let name = self.document.free_name(&format!("{OWN}{name}"));
-        self.document.nodes.insert(name.clone(), entry);
+        self.document.nodes.insert(name.clone(), Arc::new(entry));
         name
     }
 }

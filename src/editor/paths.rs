@@ -4,6 +4,7 @@ use crate::graph::Document;
 use crate::params::NodeType;
 use serde_json::Value as Json;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A path as a recipe has it: from its own folder, where the file lies in it or beside it.
 pub fn written(base: &Path, file: &Path) -> String {
@@ -25,7 +26,7 @@ pub fn rebase(document: &mut Document, to: &Path, registry: &[NodeType]) {
     if absolute(&from) == absolute(to) {
         return;
     }
-    for entry in document.nodes.values_mut() {
+    for entry in document.nodes.values_mut().map(Arc::make_mut) {
         let Some(node_type) = registry.iter().find(|node_type| node_type.info.name == entry.kind) else { continue };
         let Ok(node) = (node_type.parse)(entry.params.clone()) else { continue };
         let files = node.files();

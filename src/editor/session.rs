@@ -6,7 +6,6 @@ use crate::graph::{self, Document, Plan, Problem};
 use crate::node::Info;
 use crate::params::NodeType;
 use crate::{Error, Result, atomic};
-use serde_json::Value as Json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,8 +16,8 @@ pub struct Session {
     registry: &'static [NodeType],
     /// Where it is saved; `None`: nowhere yet.
     file: Option<PathBuf>,
-    /// The recipe as it was last read or written.
-    saved: Json,
+    /// The recipe as it was last read or written; `None`: never, or not as it is in the file.
+    saved: Option<Arc<Document>>,
     /// The text that its file had then.
     on_disk: Option<String>,
     problems: BTreeMap<String, Vec<Problem>>,
@@ -46,32 +45,31 @@ impl Session {
 
     /// A recipe to start from that is nowhere saved; as it is, it is no loss.
     pub fn new_of(document: Document, registry: &'static [NodeType]) -> Self {
-        let saved = document.to_json();
-        Self::with(document, None, saved, None, registry)
+        let document = Arc::new(document);
+        Self::with(document.clone(), None, Some(document), None, registry)
     }
 
     /// # Errors
     /// `File` when it cannot be read, `Graph` when it is no recipe; problems of its nodes are no error.
     pub fn open(path: &Path, registry: &'static [NodeType]) -> Result<Self> {
         let document = graph::load(path)?;
-        let (saved, text) = (document.to_json(), document.source.text.clone());
-        Ok(Self::with(document, Some(path.to_owned()), saved, Some(text), registry))
+        let (text, document) = (document.source().text.clone(), Arc::new(document));
+        Ok(Self::with(document.clone(), Some(path.to_owned()), Some(document), Some(text), registry))
     }
 
     /// A recipe that is nowhere saved, such as one that was recovered; `file` is where it would be.
     pub fn recovered(document: Document, file: Option<PathBuf>, registry: &'static [NodeType]) -> Self {
         let text = file.as_ref().and_then(|file| std::fs::read_to_string(file).ok());
-        Self::with(document, file, Json::Null, text, registry)
+        Self::with(Arc::new(document), file, None, text, registry)
     }
 
     fn with(
-        document: Document,
+        document: Arc<Document>,
         file: Option<PathBuf>,
-        saved: Json,
+        saved: Option<Arc<Document>>,
         on_disk: Option<String>,
         registry: &'static [NodeType],
     ) -> Self {
-        let document = Arc::new(document);
         let (history, problems) = (History::default(), BTreeMap::new());
         let mut session = Self { document, history, registry, file, saved, on_disk, problems, version: 0, content: 0 };
         session.check();
@@ -204,7 +202,7 @@ impl Session {
 
     /// There is something that a closed window would lose.
     pub fn is_unsaved(&self) -> bool {
-        self.document.to_json() != self.saved
+        self.saved.as_ref().is_none_or(|saved| !saved.is_same(&self.document))
     }
 
     /// Writes the recipe where it was read from.
@@ -231,11 +229,11 @@ impl Session {
         }
         let text = document.to_text();
         atomic::write(file, text.as_bytes())?;
-        self.saved = document.to_json();
         if is_new {
             self.file = Some(file.to_owned());
             self.replace(Arc::new(Document::parse(file, &text)?));
         }
+        self.saved = Some(self.document.clone());
         self.on_disk = Some(text);
         Ok(())
     }
@@ -257,16 +255,17 @@ impl Session {
     pub fn reload(&mut self) -> Result<()> {
         let Some(file) = self.file.clone() else { return Ok(()) };
         let document = graph::load(&file)?;
-        (self.saved, self.on_disk) = (document.to_json(), Some(document.source.text.clone()));
+        let document = Arc::new(document);
+        (self.saved, self.on_disk) = (Some(document.clone()), Some(document.source().text.clone()));
         self.history.record("reload the file", None, &self.document);
-        self.replace(Arc::new(document));
+        self.replace(document);
         Ok(())
     }
 
     /// Keeps what is here, although the file has changed; saving will replace it.
     pub fn keep_mine(&mut self) {
         self.on_disk = self.file.as_ref().and_then(|file| std::fs::read_to_string(file).ok());
-        self.saved = Json::Null;
+        self.saved = None;
     }
 }
 

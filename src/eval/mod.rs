@@ -297,7 +297,7 @@ impl Evaluation<'_> {
             fps: self.plan.fps,
             base: &self.plan.base,
             out: self.context.out,
-            recipe: &self.plan.recipe,
+            recipe: &|| self.plan.recipe(),
             key: keyed.key,
             notes: &notes,
         };

@@ -11,9 +11,10 @@ use crate::{Error, Result};
 use indexmap::IndexMap;
 use serde_json::{Map, Value as Json, json};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// One node as written.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NodeEntry {
     /// Name of the node type; empty when the recipe does not say one.
     pub kind: String,
@@ -44,13 +45,15 @@ pub struct Document {
     /// First and last.
     pub frames: [i64; 2],
     pub fps: f64,
-    pub nodes: IndexMap<String, NodeEntry>,
+    /// Recipes that were made of one another share the nodes that are alike.
+    pub nodes: IndexMap<String, Arc<NodeEntry>>,
     /// Where the editor draws each node.
     pub layout: IndexMap<String, [f64; 2]>,
     pub comments: Vec<Comment>,
     /// Fields that this version does not know; written back as they are.
     pub other: Map<String, Json>,
-    pub source: Source,
+    /// Its text as it was read; `None`: changed since.
+    pub(super) source: Option<Arc<Source>>,
     /// What was found wrong while reading; `Plan::new` reports it together with what it finds itself.
     pub problems: Vec<Problem>,
     /// Parameters given on the command line: (node, parameter) to the argument's text.
@@ -77,18 +80,18 @@ impl Document {
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
         let fail =
             |problem| Error::Graph { path: path.to_owned(), source_text: text.to_owned(), problems: vec![problem] };
-        let (mut source, problems) = Source::parse(text).map_err(fail)?;
-        if !source.root.is_object() {
+        let (source, mut root, problems) = Source::parse(text).map_err(fail)?;
+        if !root.is_object() {
             let help = "see `chiaro schema` for what a recipe looks like";
             return Err(fail(source.problem("", Part::Value, "a recipe is a JSON object", help)));
         }
-        if let Err((message, help)) = migrate::migrate(&mut source.root) {
+        if let Err((message, help)) = migrate::migrate(&mut root) {
             let (pointer, part) =
-                if source.root.get("chiaro").is_some() { ("/chiaro", Part::Value) } else { ("", Part::Value) };
+                if root.get("chiaro").is_some() { ("/chiaro", Part::Value) } else { ("", Part::Value) };
             return Err(fail(source.problem(pointer, part, message, help)));
         }
         let mut reader = Reader { source: &source, problems };
-        let root = source.root.as_object().expect("judged above");
+        let root = root.as_object().expect("judged above");
         let other = reader.fields("", root, &["chiaro", "frames", "fps", "nodes", "layout", "comments"], "a recipe");
         let frames = reader.frames(root.get("frames"));
         let fps = reader.fps(root.get("fps"));
@@ -101,7 +104,7 @@ impl Document {
             _ => PathBuf::from("."),
         };
         let overrides = IndexMap::new();
-        let path = path.to_owned();
+        let (path, source) = (path.to_owned(), Some(Arc::new(source)));
         Ok(Self { path, base, frames, fps, nodes, layout, comments, other, source, problems, overrides })
     }
 
@@ -120,13 +123,21 @@ impl Document {
             let help = format!("{form}; text needs its own quotes: '{node}.{param}=\"{json}\"'");
             Error::usage(format!("--set {argument}: {json} is not JSON"), help)
         })?;
-        let Some(entry) = self.nodes.get_mut(node) else {
+        let Some(entry) = self.entry_mut(node) else {
             let help = suggest(node, self.nodes.keys().map(String::as_str));
             return Err(Error::usage(format!("--set {argument}: there is no node \"{node}\""), help));
         };
         entry.params.insert(param.to_owned(), value);
         self.overrides.insert((node.to_owned(), param.to_owned()), argument.to_owned());
         Ok(())
+    }
+
+    /// The text that it was read from, or that it would be written as, and where in it everything is.
+    pub fn source(&self) -> Arc<Source> {
+        self.source.clone().unwrap_or_else(|| {
+            let written = Source::parse(&self.to_text());
+            Arc::new(written.unwrap_or_else(|problem| unreachable!("it is written as JSON: {}", problem.message)).0)
+        })
     }
 
     pub fn to_json(&self) -> Json {

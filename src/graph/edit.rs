@@ -6,6 +6,7 @@ use crate::{Error, Result};
 use indexmap::IndexMap;
 use serde_json::{Map, Value as Json, json};
 use std::path::Path;
+use std::sync::Arc;
 
 /// `"node"` or `"node.port"`, apart.
 pub fn split(from: &str) -> (&str, Option<&str>) {
@@ -24,14 +25,18 @@ impl Document {
             .unwrap_or_else(|error| unreachable!("an empty recipe is one: {error}"))
     }
 
-    /// The same recipe, read from its own text, so that problems are found where they are now.
+    /// After changes: problems are found where they are now, in the text that it would be written as.
     ///
     /// # Errors
     /// `Graph` as `parse`; not for a document that was parsed before.
-    pub fn refreshed(&self) -> Result<Self> {
-        let mut document = Self::parse(&self.path, &self.to_text())?;
-        document.overrides.clone_from(&self.overrides);
-        Ok(document)
+    pub fn refreshed(mut self) -> Result<Self> {
+        self.source = None;
+        // Changes make no problem of form, but may have taken one away.
+        if !self.problems.is_empty() {
+            let written = Self::parse(&self.path, &self.to_text())?;
+            self = Self { overrides: self.overrides, ..written };
+        }
+        Ok(self)
     }
 
     /// Whether another recipe is written alike.
@@ -57,10 +62,16 @@ impl Document {
             .expect("numbers do not end")
     }
 
+    /// To be changed; other recipes that share the node keep theirs.
+    pub fn entry_mut(&mut self, node: &str) -> Option<&mut NodeEntry> {
+        self.nodes.get_mut(node).map(Arc::make_mut)
+    }
+
     /// Adds a node of a type, named after it, and returns its name.
     pub fn add_node(&mut self, kind: &str, at: [f64; 2]) -> String {
         let name = self.free_name(kind);
-        self.nodes.insert(name.clone(), NodeEntry { kind: kind.to_owned(), ..NodeEntry::default() });
+        let entry = NodeEntry { kind: kind.to_owned(), ..NodeEntry::default() };
+        self.nodes.insert(name.clone(), Arc::new(entry));
         self.layout.insert(name.clone(), at);
         name
     }
@@ -71,7 +82,9 @@ impl Document {
         self.layout.retain(|name, _| !names.contains(name));
         self.overrides.retain(|(name, _), _| !names.contains(name));
         let gone = |from: &str| names.iter().any(|name| name == split(from).0);
-        self.nodes.values_mut().for_each(|entry| entry.inputs.retain(|_, from| !gone(from)));
+        for entry in self.nodes.values_mut().filter(|entry| entry.inputs.values().any(|from| gone(from))) {
+            Arc::make_mut(entry).inputs.retain(|_, from| !gone(from));
+        }
     }
 
     /// Gives a node another name, wherever it is named.
@@ -98,7 +111,9 @@ impl Document {
             .into_iter()
             .map(|(name, at)| (if name == old { new.to_owned() } else { name }, at))
             .collect();
-        for from in self.nodes.values_mut().flat_map(|entry| entry.inputs.values_mut()) {
+        let is_old = |entry: &&mut Arc<NodeEntry>| entry.inputs.values().any(|from| split(from).0 == old);
+        let takers = self.nodes.values_mut().filter(is_old);
+        for from in takers.flat_map(|entry| Arc::make_mut(entry).inputs.values_mut()) {
             match split(from) {
                 (node, None) if node == old => *from = new.to_owned(),
                 (node, Some(port)) if node == old => *from = format!("{new}.{port}"),
@@ -139,20 +154,20 @@ impl Document {
             let help = "take one of the wires between them out first";
             return Err(Error::usage(format!("\"{node}\" would feed itself through \"{source}\""), help));
         }
-        self.nodes[node].inputs.insert(port.to_owned(), from.to_owned());
+        Arc::make_mut(&mut self.nodes[node]).inputs.insert(port.to_owned(), from.to_owned());
         Ok(())
     }
 
     pub fn disconnect(&mut self, node: &str, port: &str) {
-        if let Some(entry) = self.nodes.get_mut(node) {
+        if let Some(entry) = self.entry_mut(node) {
             entry.inputs.shift_remove(port);
         }
     }
 
     /// Sets a parameter; `None`: to its default.
     pub fn set_param(&mut self, node: &str, param: &str, value: Option<Json>) {
-        let Some(entry) = self.nodes.get_mut(node) else { return };
         self.overrides.shift_remove(&(node.to_owned(), param.to_owned()));
+        let Some(entry) = self.entry_mut(node) else { return };
         match value {
             Some(value) => drop(entry.params.insert(param.to_owned(), value)),
             None => drop(entry.params.shift_remove(param)),
@@ -180,6 +195,8 @@ impl Document {
     /// `Graph` when the text is no recipe.
     pub fn paste(&mut self, text: &str, by: [f64; 2]) -> Result<Vec<String>> {
         let part = Self::parse(&self.path, text)?;
+        // Where they are is found when it is refreshed.
+        self.problems.extend(part.problems);
         let mut names: IndexMap<String, String> = IndexMap::new();
         for (old, entry) in &part.nodes {
             let new = self.free_name(old);
@@ -190,7 +207,7 @@ impl Document {
         }
         let known: Vec<String> = self.nodes.keys().cloned().collect();
         for new in names.values() {
-            let entry = &mut self.nodes[new];
+            let entry = Arc::make_mut(&mut self.nodes[new]);
             for from in entry.inputs.values_mut() {
                 let (node, port) = split(from);
                 if let Some(copy) = names.get(node) {
@@ -298,7 +315,7 @@ mod tests {
     fn what_is_not_known_is_written_back() {
         let document = chain();
         assert_eq!(document.problems.len(), 1, "an unknown field is told");
-        let again = document.refreshed().unwrap();
+        let again = document.clone().refreshed().unwrap();
         assert_eq!(again.nodes, document.nodes);
         assert_eq!(again.nodes["d"].other["new_field"], json!([1, 2]));
         assert_eq!(again.to_text(), document.to_text());

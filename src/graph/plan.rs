@@ -4,13 +4,15 @@ use super::check::{Checker, ParamChecker};
 use super::curve::{self, Complaint, Curve};
 use super::document::{Document, NodeEntry};
 use super::problem::{Problem, summary};
-use super::source::{Part, child};
+use super::source::{Part, Source, child};
 use crate::names::suggest;
 use crate::params::{AnyNode, NodeType};
 use crate::{Error, Result};
 use indexmap::IndexMap;
 use serde_json::{Map, Value as Json};
+use std::cell::OnceCell;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Every step comes after the steps that it takes values from.
 pub struct Plan {
@@ -20,8 +22,7 @@ pub struct Plan {
     pub fps: f64,
     /// Folder that relative paths start from.
     pub base: PathBuf,
-    /// The recipe with the overrides of the command line applied, as text.
-    pub recipe: String,
+    document: Document,
 }
 
 pub struct Step {
@@ -90,7 +91,8 @@ impl Plan {
     /// # Errors
     /// `Graph` with all problems, or `Usage` when only overrides of the command line are wrong.
     pub fn new(document: &Document, registry: &'static [NodeType]) -> Result<Self> {
-        let mut planner = Planner { document, registry, problems: document.problems.clone(), overrides: Vec::new() };
+        let problems = document.problems.clone();
+        let mut planner = Planner { document, source: OnceCell::new(), registry, problems, overrides: Vec::new() };
         let (mut steps, mut complete) = (Vec::new(), true);
         for (name, entry) in &document.nodes {
             match planner.step(name, entry) {
@@ -103,8 +105,7 @@ impl Plan {
             let mut problems = planner.problems;
             problems.extend(planner.overrides);
             problems.sort_by_key(|problem| problem.place.as_ref().map_or(usize::MAX, |place| place.range.start));
-            let source_text = document.source.text.clone();
-            return Err(Error::Graph { path: document.path.clone(), source_text, problems });
+            return Err(complaint(document, problems));
         }
         if !planner.overrides.is_empty() {
             return Err(Error::usage(summary(&planner.overrides), ""));
@@ -112,8 +113,7 @@ impl Plan {
         assert!(complete, "a node that cannot be planned has a problem");
         let problems = mute(document, &mut steps);
         if !problems.is_empty() {
-            let source_text = document.source.text.clone();
-            return Err(Error::Graph { path: document.path.clone(), source_text, problems });
+            return Err(complaint(document, problems));
         }
         let mut place = vec![0; steps.len()];
         order.iter().enumerate().for_each(|(to, from)| place[*from] = to);
@@ -124,7 +124,12 @@ impl Plan {
             wire.step = place[wire.step];
         }
         let (frames, fps, base) = (document.frames, document.fps, document.base.clone());
-        Ok(Self { steps, frames, fps, base, recipe: document.to_text() })
+        Ok(Self { steps, frames, fps, base, document: document.clone() })
+    }
+
+    /// The recipe with the overrides of the command line applied, as text.
+    pub fn recipe(&self) -> String {
+        self.document.to_text()
     }
 
     pub fn find(&self, name: &str) -> Option<usize> {
@@ -162,8 +167,14 @@ impl Plan {
     }
 }
 
+fn complaint(document: &Document, problems: Vec<Problem>) -> Error {
+    Error::Graph { path: document.path.clone(), source_text: document.source().text.clone(), problems }
+}
+
 struct Planner<'a> {
     document: &'a Document,
+    /// Of the document, once something is wrong with it.
+    source: OnceCell<Arc<Source>>,
     registry: &'static [NodeType],
     problems: Vec<Problem>,
     /// Problems of parameters that were given on the command line.
@@ -172,7 +183,8 @@ struct Planner<'a> {
 
 impl Planner<'_> {
     fn complain(&mut self, pointer: &str, part: Part, message: impl Into<String>, help: impl Into<String>) {
-        self.problems.push(self.document.source.problem(pointer, part, message, help));
+        let source = self.source.get_or_init(|| self.document.source());
+        self.problems.push(source.problem(pointer, part, message, help));
     }
 
     fn find_type(&self, name: &str) -> Option<&'static NodeType> {
@@ -396,7 +408,7 @@ fn mute(document: &Document, steps: &mut [Step]) -> Vec<Problem> {
             let pointer = child(&child(&child("/nodes", &step.name), "inputs"), port.name);
             let message = format!("input \"{}\" of \"{}\" takes from \"{from}\", which is muted", port.name, step.name);
             let help = format!("\"{from}\" has no {} to pass on; unmute it, or take from another", port.kind.name());
-            problems.push(document.source.problem(&pointer, Part::Value, message, help));
+            problems.push(document.source().problem(&pointer, Part::Value, message, help));
         }
     }
     steps.iter_mut().zip(led).for_each(|(step, led)| step.inputs = led);

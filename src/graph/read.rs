@@ -6,6 +6,7 @@ use super::source::{Part, Source, child};
 use crate::names::suggest;
 use indexmap::IndexMap;
 use serde_json::{Map, Value as Json};
+use std::sync::Arc;
 
 /// Collects problems while it goes through the fields.
 pub struct Reader<'a> {
@@ -71,7 +72,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    pub fn nodes(&mut self, value: Option<&'a Json>) -> IndexMap<String, NodeEntry> {
+    pub fn nodes(&mut self, value: Option<&'a Json>) -> IndexMap<String, Arc<NodeEntry>> {
         if value.is_none() {
             self.complain("", Part::Value, "the recipe has no \"nodes\"", "add \"nodes\": { ... }");
         }
@@ -83,7 +84,7 @@ impl<'a> Reader<'a> {
                 self.complain(&pointer, Part::Key, format!("\"{name}\" cannot be the name of a node"), help);
             }
             let Some(object) = self.object(&pointer, Some(value), "a node") else { continue };
-            nodes.insert(name.clone(), self.node(&pointer, name, object));
+            nodes.insert(name.clone(), Arc::new(self.node(&pointer, name, object)));
         }
         nodes
     }
@@ -137,7 +138,7 @@ impl<'a> Reader<'a> {
     pub fn layout(
         &mut self,
         value: Option<&'a Json>,
-        nodes: &IndexMap<String, NodeEntry>,
+        nodes: &IndexMap<String, Arc<NodeEntry>>,
     ) -> IndexMap<String, [f64; 2]> {
         let mut layout = IndexMap::new();
         for (name, value) in self.object("/layout", value, "\"layout\"").into_iter().flatten() {

@@ -1,4 +1,4 @@
-//! The text of a recipe, its JSON, and where in the text each part of it lies.
+//! The text of a recipe, and where in it each part of its JSON lies.
 
 use super::problem::{Place, Problem};
 use serde_json::Value as Json;
@@ -6,10 +6,8 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 /// Strict JSON with byte ranges.
-#[derive(Clone)]
 pub struct Source {
     pub text: String,
-    pub root: Json,
     /// By JSON pointer: the key (of a member of an object) and the value.
     ranges: HashMap<String, (Option<Range<usize>>, Range<usize>)>,
 }
@@ -31,11 +29,11 @@ impl Source {
     ///
     /// # Errors
     /// The first thing that is no JSON. Names that are given twice are not an error here, but are returned beside the
-    /// source.
-    pub fn parse(text: &str) -> Result<(Self, Vec<Problem>), Problem> {
+    /// source and its JSON.
+    pub fn parse(text: &str) -> Result<(Self, Json, Vec<Problem>), Problem> {
         // serde_json is the judge of what is JSON; the second parser only tells where things are.
         let root: Json = serde_json::from_str(text).map_err(|error| syntax_problem(text, &error))?;
-        let mut source = Self { text: text.to_owned(), root, ranges: HashMap::new() };
+        let mut source = Self { text: text.to_owned(), ranges: HashMap::new() };
         let mut problems = Vec::new();
         let options = jsonc_parser::ParseOptions {
             allow_comments: false,
@@ -47,7 +45,7 @@ impl Source {
         {
             source.walk(String::new(), None, value, &mut problems);
         }
-        Ok((source, problems))
+        Ok((source, root, problems))
     }
 
     fn walk(
@@ -148,14 +146,14 @@ mod tests {
 
     fn first_problem(text: &str) -> Problem {
         match Source::parse(text) {
-            Ok((_, mut problems)) => problems.remove(0),
+            Ok((.., mut problems)) => problems.remove(0),
             Err(problem) => problem,
         }
     }
 
     #[test]
     fn pointers_lead_to_places() {
-        let (source, problems) = Source::parse("{\n  \"a/b\": [1, {\"c\": true}]\n}").unwrap();
+        let (source, _, problems) = Source::parse("{\n  \"a/b\": [1, {\"c\": true}]\n}").unwrap();
         assert!(problems.is_empty());
         let place = source.place("/a~1b/1/c", Part::Value).unwrap();
         assert_eq!(&source.text[place.range], "true");

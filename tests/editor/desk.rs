@@ -55,11 +55,23 @@ impl Desk {
         device: Device,
         registry: &'static [NodeType],
     ) -> Self {
+        Self::open_on(1.0, folder, file, device, registry)
+    }
+
+    /// On a screen of so many pixels to a point.
+    pub fn open_on(
+        pixels_per_point: f32,
+        folder: tempfile::TempDir,
+        file: Option<PathBuf>,
+        device: Device,
+        registry: &'static [NodeType],
+    ) -> Self {
         let places = Places { folder: folder.path().join("editor") };
         let engine = Engine { evaluator: Arc::new(Evaluator::new(Options::new(device))), registry };
         let harness = Harness::builder()
             .with_size(vec2(1440.0, 900.0))
             .with_step_dt(1.0 / 60.0)
+            .with_pixels_per_point(pixels_per_point)
             .build_eframe(move |cc| Window::new(&cc.egui_ctx, engine, places, file).unwrap());
         let mut desk = Self { harness, folder };
         desk.frames(4);
@@ -252,8 +264,9 @@ impl Desk {
         self.document().nodes.get(name).unwrap_or_else(|| panic!("no node {name}"))
     }
 
-    /// The pixels that the viewer shows last.
+    /// The pixels that the viewer shows, once it has come to rest.
     pub fn picture(&self) -> Arc<chiaro::image::Image> {
+        assert!(self.harness.state().is_idle(), "what is shown may be coarse: settle first");
         self.state().last.as_ref().expect("something is shown").picture.clone()
     }
 }

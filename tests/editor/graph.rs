@@ -134,6 +134,7 @@ fn nodes_are_copied_pasted_duplicated_muted_and_deleted() {
     desk.frames(3);
     assert_eq!(desk.document().nodes.len(), 6, "what is no recipe is not pasted");
     // Muting changes the picture.
+    desk.settle();
     let before = desk.picture();
     desk.click_at(aside(desk.rect("node edit").left_top(), 12.0, 8.0), Modifiers::NONE);
     desk.key(Modifiers::NONE, Key::M);

@@ -1,6 +1,7 @@
 //! The first start, and what can be looked up.
 
-use super::desk::{Desk, can_draw};
+use super::desk::{Desk, ROOM, can_draw};
+use chiaro::device::Device;
 use egui::{Key, Modifiers};
 
 #[test]
@@ -78,5 +79,26 @@ fn the_window_is_light_or_dark_all_over() {
             let is_bright = u32::from(r) + u32::from(g) + u32::from(b) > 600;
             assert_eq!(is_bright, is_light, "at {x}, {y}: {r} {g} {b}");
         }
+    }
+}
+
+/// Two pixels to a point: all lies where it did, and is drawn in more detail.
+#[test]
+fn dense_screens_are_used_in_full() {
+    let at = Desk::room().rect("node edit").center();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("recipe.json");
+    std::fs::write(&file, ROOM).unwrap();
+    let mut desk = Desk::open_on(2.0, folder, Some(file), Device::Cpu, chiaro::nodes::ALL);
+    desk.settle();
+    desk.click("Skip");
+    let off = desk.rect("node edit").center() - at;
+    assert!(off.length() < 2.0, "{off:?}");
+    desk.click("node edit");
+    desk.fill("brightness", "3");
+    assert_eq!(desk.node("edit").params["brightness"], 3.0);
+    if can_draw() {
+        let image = desk.harness.render().unwrap();
+        assert_eq!((image.width(), image.height()), (2880, 1800));
     }
 }

@@ -219,7 +219,7 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
             fps: plan.fps,
             base: &plan.base,
             out: None,
-            recipe: &plan.recipe,
+            recipe: &|| plan.recipe(),
             key: Key::of(&[&turn.to_le_bytes()]),
             notes: &Mutex::default(),
         };

@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::graph::Document;
+use std::sync::Arc;
 
 /// Near a place, where no node lies.
 pub fn free(document: &Document, at: [f64; 2]) -> [f64; 2] {
@@ -22,7 +23,8 @@ pub fn insert_after(document: &mut Document, from: &str, kind: &str, port: &str)
     let place = free(document, [beside[0] + 40.0, beside[1] + 110.0]);
     let name = document.add_node(kind, place);
     for (other, entry) in &mut document.nodes {
-        if *other != name {
+        if *other != name && entry.inputs.values().any(|wire| *wire == from) {
+            let entry = Arc::make_mut(entry);
             entry.inputs.values_mut().filter(|wire| *wire == from).for_each(|wire| wire.clone_from(&name));
         }
     }

@@ -96,7 +96,7 @@ fn vector(json: &Json) -> Option<Vec3> {
 }
 
 fn strokes<'a>(document: &'a mut Document, paint: &str) -> Result<&'a mut Vec<Json>> {
-    let entry = document.nodes.get_mut(paint).filter(|entry| entry.kind == "paint");
+    let entry = document.entry_mut(paint).filter(|entry| entry.kind == "paint");
     let Some(entry) = entry else {
         return Err(Error::usage(format!("\"{paint}\" is no paint node"), "paint on another node"));
     };

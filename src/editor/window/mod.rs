@@ -1,8 +1,12 @@
 //! The window: panes around one recipe. What can be done without egui lies one folder up.
 //!
 //! ```text
-//! mod        panes, menus, one frame after the other
+//! mod        one frame after the other
+//! panes      how the window is divided
+//! bars       the menus above, the status below
 //! state      what all panes share
+//! known      what evaluation has told of nodes
+//! ports      of nodes, as they are drawn
 //! commands   everything that menus and keys ask for, in one table
 //! perform    ... and what it does
 //! files      opening, saving, what is not saved, dropped files
@@ -15,14 +19,18 @@
 //! look       colours, and small widgets that several panes use
 //! ```
 
+mod bars;
 mod commands;
 mod files;
 mod graph;
 mod headless;
 mod help;
 mod inspector;
+mod known;
 mod look;
+mod panes;
 mod perform;
+mod ports;
 mod state;
 mod timeline;
 mod viewer;
@@ -40,6 +48,7 @@ use files::Files;
 use graph::GraphPane;
 use help::Help;
 use inspector::Inspector;
+use panes::Pane;
 use std::path::PathBuf;
 use std::sync::Arc;
 use timeline::Timeline;
@@ -56,21 +65,13 @@ pub struct Window {
     state: State,
     engine: Engine,
     panes: egui_tiles::Tree<Pane>,
-    /// The column that the timeline stands in, and the timeline.
-    time: [egui_tiles::TileId; 2],
+    time: panes::Time,
     graph: GraphPane,
     inspector: Inspector,
     timeline: Timeline,
     files: Files,
     help: Help,
     viewers: u64,
-}
-
-enum Pane {
-    Graph,
-    Viewer(Box<Viewer>),
-    Inspector,
-    Timeline,
 }
 
 impl Window {
@@ -82,7 +83,7 @@ impl Window {
         let (files, session) = Files::start(places, file, engine.registry)?;
         let help = Help::new(files.is_first_start());
         let main = Viewer::new(ctx, &engine, 0, viewer::Camera::Recipe);
-        let (panes, time) = layout(main);
+        let (panes, time) = panes::layout(main);
         look::install(ctx);
         Ok(Self {
             state: State::new(session),
@@ -119,20 +120,13 @@ impl Window {
         egui::Panel::top("menus").show(ui, |ui| self.menus(ui));
         egui::Panel::bottom("status").show(ui, |ui| self.status(ui));
         self.timeline.tick(&mut self.state, &ctx);
-        if let Some(curves) = self.timeline.turned() {
-            let [column, time] = self.time;
-            // Panes are wrapped in tabs.
-            let time = self.panes.tiles.parent_of(time).filter(|tabs| *tabs != column).unwrap_or(time);
-            if let Some(egui_tiles::Tile::Container(egui_tiles::Container::Linear(column))) =
-                self.panes.tiles.get_mut(column)
-            {
-                column.shares.set_share(time, if curves { CURVES } else { TIME });
-            }
+        if let Some(is_curves) = self.timeline.turned() {
+            panes::make_room(&mut self.panes, self.time, is_curves);
         }
         let frame = egui::Frame::NONE.fill(ui.visuals().panel_fill);
         egui::CentralPanel::default().frame(frame).show(ui, |ui| {
             let Self { panes, state, graph, inspector, timeline, help, .. } = self;
-            let mut behaviour = Behaviour { state, graph, inspector, timeline, help };
+            let mut behaviour = panes::Behaviour { state, graph, inspector, timeline, help };
             panes.ui(&mut behaviour, ui);
         });
         self.graph.palette(&mut self.state, ui);
@@ -180,139 +174,6 @@ impl Window {
             egui_tiles::Tile::Pane(Pane::Viewer(viewer)) => Some(&mut **viewer),
             _ => None,
         })
-    }
-
-    fn menus(&mut self, ui: &mut egui::Ui) {
-        egui::MenuBar::new().ui(ui, |ui| {
-            for menu in commands::Menu::ALL {
-                ui.menu_button(menu.name(), |ui| {
-                    for entry in commands::ALL.iter().filter(|entry| entry.menu == menu) {
-                        let keys = entry.key.map(|key| ui.ctx().format_shortcut(&key)).unwrap_or_default();
-                        let label = self.label(entry);
-                        if ui.add(egui::Button::new(label).shortcut_text(keys)).clicked() {
-                            self.state.ask(entry.command.clone());
-                            ui.close();
-                        }
-                    }
-                    if menu == commands::Menu::File {
-                        self.files.recent_menu(&mut self.state, ui);
-                    }
-                });
-            }
-            ui.separator();
-            let name =
-                self.state.session.file().map_or("untitled".into(), |file| {
-                    file.file_name().unwrap_or_default().to_string_lossy().into_owned()
-                });
-            let mark = if self.state.session.is_unsaved() { " •" } else { "" };
-            ui.label(format!("{name}{mark}"));
-        });
-    }
-
-    /// Undo and redo say what of.
-    fn label(&self, entry: &commands::Entry) -> String {
-        let history = self.state.session.history();
-        let of = match entry.command {
-            Command::Undo => history.undo_label(),
-            Command::Redo => history.redo_label(),
-            _ => None,
-        };
-        of.map_or_else(|| entry.label.to_owned(), |of| format!("{} {of}", entry.label))
-    }
-
-    fn status(&mut self, ui: &mut egui::Ui) {
-        ui.horizontal(|ui| {
-            if let Some(progress) = &self.state.progress {
-                let share = progress.done as f32 / progress.total.max(1) as f32;
-                let text = format!("{}: {}", progress.node, progress.stage);
-                ui.add(egui::ProgressBar::new(share).desired_width(180.0).text(text));
-                if ui.button("Cancel").clicked() {
-                    self.state.ask(Command::Cancel);
-                }
-            } else if self.is_idle() {
-                ui.weak("ready");
-            } else {
-                ui.weak("computing…");
-            }
-            let count = self.state.session.problem_count();
-            if count > 0 {
-                let text = if count == 1 { "1 problem in the recipe".into() } else { format!("{count} problems") };
-                let words: Vec<String> = self.state.session.problems().map(|problem| problem.message.clone()).collect();
-                ui.colored_label(ui.visuals().error_fg_color, text).on_hover_text(words.join("\n"));
-            }
-            if let Some((text, is_complaint)) = &self.state.told {
-                let colour = if *is_complaint { ui.visuals().error_fg_color } else { ui.visuals().weak_text_color() };
-                ui.add(egui::Label::new(egui::RichText::new(text).color(colour)).truncate());
-            }
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                ui.weak(self.engine.evaluator.device().name());
-            });
-        });
-    }
-}
-
-/// Share of its column that the timeline takes, without and with curves.
-const TIME: f32 = 0.28;
-const CURVES: f32 = 0.9;
-
-/// Graph below the picture, the inspector beside both, time at the foot.
-fn layout(main: Viewer) -> (egui_tiles::Tree<Pane>, [egui_tiles::TileId; 2]) {
-    let mut tiles = egui_tiles::Tiles::default();
-    let pictures = tiles.insert_pane(Pane::Viewer(Box::new(main)));
-    let pictures = tiles.insert_tab_tile(vec![pictures]);
-    let graph = tiles.insert_pane(Pane::Graph);
-    let time = tiles.insert_pane(Pane::Timeline);
-    let mut left = egui_tiles::Linear::new(egui_tiles::LinearDir::Vertical, vec![pictures, graph, time]);
-    left.shares.set_share(pictures, 1.5);
-    left.shares.set_share(graph, 1.0);
-    left.shares.set_share(time, TIME);
-    let left = tiles.insert_container(left);
-    let inspector = tiles.insert_pane(Pane::Inspector);
-    let mut all = egui_tiles::Linear::new(egui_tiles::LinearDir::Horizontal, vec![left, inspector]);
-    all.shares.set_share(left, 1.0);
-    all.shares.set_share(inspector, 0.36);
-    let root = tiles.insert_container(all);
-    (egui_tiles::Tree::new("panes", root, tiles), [left, time])
-}
-
-struct Behaviour<'a> {
-    state: &'a mut State,
-    graph: &'a mut GraphPane,
-    inspector: &'a mut Inspector,
-    timeline: &'a mut Timeline,
-    help: &'a mut Help,
-}
-
-fn margin(ui: &mut egui::Ui, content: impl FnOnce(&mut egui::Ui)) {
-    egui::Frame::NONE.inner_margin(6.0).show(ui, content);
-}
-
-impl egui_tiles::Behavior<Pane> for Behaviour<'_> {
-    fn pane_ui(&mut self, ui: &mut egui::Ui, _: egui_tiles::TileId, pane: &mut Pane) -> egui_tiles::UiResponse {
-        match pane {
-            Pane::Graph => self.graph.ui(self.state, ui),
-            Pane::Viewer(viewer) => viewer.ui(self.state, ui),
-            Pane::Inspector => margin(ui, |ui| self.inspector.ui(self.state, self.help, ui)),
-            Pane::Timeline => margin(ui, |ui| self.timeline.ui(self.state, ui)),
-        }
-        egui_tiles::UiResponse::None
-    }
-
-    fn tab_title_for_pane(&mut self, pane: &Pane) -> egui::WidgetText {
-        match pane {
-            Pane::Graph => "Graph".into(),
-            Pane::Viewer(viewer) => viewer.title(self.state).into(),
-            Pane::Inspector => "Inspector".into(),
-            Pane::Timeline => "Timeline".into(),
-        }
-    }
-
-    fn is_tab_closable(&self, tiles: &egui_tiles::Tiles<Pane>, tile: egui_tiles::TileId) -> bool {
-        matches!(tiles.get(tile), Some(egui_tiles::Tile::Pane(Pane::Viewer(viewer))) if !viewer.is_main())
-    }
-
-    fn simplification_options(&self) -> egui_tiles::SimplificationOptions {
-        egui_tiles::SimplificationOptions { all_panes_must_have_tabs: true, ..Default::default() }
     }
 }
 

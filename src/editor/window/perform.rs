@@ -167,7 +167,11 @@ fn mute(state: &mut State) {
     let muted = !nodes.iter().all(is_muted);
     let label = if muted { "mute" } else { "unmute" };
     state.change(label, None, |document| {
-        nodes.iter().for_each(|name| document.nodes[name].muted = muted);
+        for name in &nodes {
+            if let Some(entry) = document.entry_mut(name) {
+                entry.muted = muted;
+            }
+        }
         Ok(())
     });
 }

@@ -1,10 +1,9 @@
 //! What all panes share: the recipe, what is chosen in it, and what is known of its nodes.
 
 use super::commands::Command;
+use super::known::{Known, Progress};
 use crate::editor::look::Output;
-use crate::editor::worker::Event;
-use crate::editor::{Session, shown::Shown, thumb::Thumb};
-use crate::eval::{CacheUse, NodeReport};
+use crate::editor::{Session, shown::Shown};
 use crate::graph::{Document, NodeEntry};
 use crate::node::Info;
 use crate::params::NodeType;
@@ -40,25 +39,6 @@ pub struct State {
     pub is_shown: bool,
     /// A node's parameter whose file is to be chosen.
     pub pick_file: Option<(String, String)>,
-}
-
-/// What evaluation has told of a node.
-#[derive(Default)]
-pub struct Known {
-    /// Of its last computation.
-    pub seconds: Option<f64>,
-    pub cache: Option<CacheUse>,
-    pub bytes: u64,
-    pub warnings: Vec<String>,
-    pub error: Option<(String, String)>,
-    pub thumb: Option<egui::TextureHandle>,
-}
-
-pub struct Progress {
-    pub node: String,
-    pub stage: String,
-    pub done: u64,
-    pub total: u64,
 }
 
 /// What a press on the picture does.
@@ -99,15 +79,6 @@ impl Default for Brush {
     }
 }
 
-/// A port as it is drawn; of a node of an unknown type as far as the recipe tells.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PortView {
-    pub name: String,
-    pub kind: Option<Kind>,
-    pub optional: bool,
-    pub doc: &'static str,
-}
-
 impl State {
     pub fn new(session: Session) -> Self {
         let frame = session.document().frames[0];
@@ -138,7 +109,7 @@ impl State {
     }
 
     pub fn entry(&self, node: &str) -> Option<&NodeEntry> {
-        self.document().nodes.get(node)
+        self.document().nodes.get(node).map(|entry| &**entry)
     }
 
     /// The node that the inspector shows and handles belong to.
@@ -217,88 +188,6 @@ impl State {
         self.viewed = of_kind(&[Kind::Image]).or_else(|| of_kind(&[Kind::Samples, Kind::Environment, Kind::Scene]));
     }
 
-    pub fn inputs(&self, node: &str) -> Vec<PortView> {
-        match self.session.info(node) {
-            Some(info) => info.inputs.iter().map(PortView::of).collect(),
-            None => {
-                let named = self.entry(node).into_iter().flat_map(|entry| entry.inputs.keys());
-                named.map(|name| PortView::unknown(name)).collect()
-            }
-        }
-    }
-
-    pub fn outputs(&self, node: &str) -> Vec<PortView> {
-        match self.session.info(node) {
-            Some(info) => info.outputs.iter().map(PortView::of).collect(),
-            None => {
-                let wires = self.document().nodes.values().flat_map(|entry| entry.inputs.values());
-                let mut ports: Vec<&str> = wires
-                    .map(|from| crate::graph::split(from))
-                    .filter(|(from, _)| *from == node)
-                    .map(|(_, port)| port.unwrap_or(""))
-                    .collect();
-                ports.sort_unstable();
-                ports.dedup();
-                ports.into_iter().map(PortView::unknown).collect()
-            }
-        }
-    }
-
-    /// The number of the output that `"node"` or `"node.port"` names.
-    pub fn output_number(&self, from: &str) -> Option<Output> {
-        let (node, port) = crate::graph::split(from);
-        let outputs = self.outputs(node);
-        let number = match port {
-            Some(port) => outputs.iter().position(|output| output.name == port)?,
-            None => 0,
-        };
-        (number < outputs.len()).then(|| (node.to_owned(), number))
-    }
-
-    /// As it is written in a recipe: without the port where it is the first.
-    pub fn output_text(&self, (node, number): &Output) -> String {
-        match self.outputs(node).get(*number) {
-            Some(port) if *number > 0 => format!("{node}.{}", port.name),
-            _ => node.clone(),
-        }
-    }
-
-    /// What a worker has told.
-    pub fn hear(&mut self, event: &Event, ctx: &egui::Context) {
-        match event {
-            Event::Progress { node, stage, done, total, .. } => {
-                let (node, stage) = (node.clone(), stage.clone());
-                self.progress = Some(Progress { node, stage, done: *done, total: *total });
-            }
-            Event::Finished { result, reports, .. } => {
-                self.progress = None;
-                reports.iter().for_each(|report| self.note(report));
-                if let Err(Error::AtNode { node, error, .. }) = result {
-                    let told = (error.to_string(), error.help().to_owned());
-                    self.known.entry(node.clone()).or_default().error = Some(told);
-                }
-            }
-            Event::Thumbs { thumbs } => {
-                for (node, thumb) in thumbs {
-                    let texture = thumb.as_ref().map(|thumb| texture(ctx, node, thumb));
-                    self.known.entry(node.clone()).or_default().thumb = texture;
-                }
-            }
-        }
-    }
-
-    fn note(&mut self, report: &NodeReport) {
-        let known = self.known.entry(report.node.clone()).or_default();
-        known.cache = Some(report.cache);
-        known.bytes = report.bytes;
-        if report.cache == CacheUse::Computed {
-            known.seconds = Some(report.seconds);
-        }
-        let warnings = report.notes.get("warnings").and_then(|list| list.as_array());
-        let texts = warnings.into_iter().flatten().filter_map(|text| text.as_str());
-        known.warnings = texts.map(str::to_owned).collect();
-    }
-
     pub fn node_type(&self, node: &str) -> Option<&'static NodeType> {
         self.session.node_type(&self.entry(node)?.kind)
     }
@@ -306,19 +195,4 @@ impl State {
     pub fn info(&self, node: &str) -> Option<&'static Info> {
         self.session.info(node)
     }
-}
-
-impl PortView {
-    fn of(port: &crate::node::Port) -> Self {
-        Self { name: port.name.to_owned(), kind: Some(port.kind), optional: port.optional, doc: port.doc }
-    }
-
-    fn unknown(name: &str) -> Self {
-        Self { name: name.to_owned(), kind: None, optional: true, doc: "" }
-    }
-}
-
-fn texture(ctx: &egui::Context, node: &str, thumb: &Thumb) -> egui::TextureHandle {
-    let image = egui::ColorImage::from_rgba_unmultiplied([thumb.width, thumb.height], thumb.pixels.as_flattened());
-    ctx.load_texture(format!("thumb of {node}"), image, egui::TextureOptions::LINEAR)
 }

@@ -1,6 +1,7 @@
 //! Opening, saving, and all that could lose a recipe: windows that are closed, files that other programs change, programs
 //! that end too early.
 
+mod dialog;
 mod questions;
 
 use super::commands::Command;
@@ -13,7 +14,7 @@ use crate::editor::{OnDisk, Session};
 use crate::graph::Document;
 use crate::params::NodeType;
 use crate::{Error, Result};
-use egui_file_dialog::FileDialog;
+use dialog::{Dialog, Purpose};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -49,18 +50,6 @@ pub struct Files {
     is_first_start: bool,
     /// The window may close without another question.
     leave: bool,
-}
-
-struct Dialog {
-    dialog: FileDialog,
-    purpose: Purpose,
-}
-
-enum Purpose {
-    Open,
-    Save,
-    /// The file of a node's parameter.
-    Param(String, String),
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -252,30 +241,6 @@ impl Files {
         }
     }
 
-    fn pick(&mut self, purpose: Purpose, state: &State) {
-        let dialog = FileDialog::new().add_file_filter_extensions("Recipes", vec!["json"]);
-        let folder = std::path::absolute(&state.document().base).unwrap_or_default();
-        let mut dialog = dialog.initial_directory(folder);
-        match &purpose {
-            Purpose::Open => {
-                dialog = dialog.default_file_filter("Recipes");
-                dialog.pick_file();
-            }
-            Purpose::Save => {
-                let name = state.session.file().and_then(Path::file_name).map(|name| name.to_string_lossy());
-                dialog = dialog.default_file_name(name.as_deref().unwrap_or("untitled.json"));
-                dialog.save_file();
-            }
-            Purpose::Param(..) => dialog.pick_file(),
-        }
-        self.dialog = Some(Dialog { dialog, purpose });
-    }
-
-    /// Lets the user choose the file of a parameter.
-    pub fn pick_param(&mut self, state: &State, node: &str, param: &str) {
-        self.pick(Purpose::Param(node.to_owned(), param.to_owned()), state);
-    }
-
     pub fn recent_menu(&self, state: &mut State, ui: &mut egui::Ui) {
         ui.separator();
         ui.menu_button("Recent", |ui| {
@@ -308,8 +273,4 @@ impl Files {
 fn example(registry: &'static [NodeType]) -> Result<Session> {
     let document = Document::parse(Path::new("untitled.json"), EXAMPLE)?;
     Ok(Session::new_of(document, registry))
-}
-
-fn with_suffix(file: PathBuf) -> PathBuf {
-    if file.extension().is_some() { file } else { file.with_extension("json") }
 }

@@ -1,39 +1,11 @@
-//! What the window asks before something could be lost, and the dialogs in which files are chosen.
+//! What the window asks before something could be lost.
 
-use super::{Files, Next, Purpose, with_suffix, written};
+use super::{Files, Purpose};
 use crate::editor::window::state::State;
 use crate::editor::{OnDisk, Session};
-use egui_file_dialog::DialogState;
 use std::time::Instant;
 
 impl Files {
-    pub(super) fn dialog_ui(&mut self, state: &mut State, ctx: &egui::Context) {
-        let Some(open) = &mut self.dialog else { return };
-        open.dialog.update(ctx);
-        let picked = open.dialog.take_picked();
-        if picked.is_none() && *open.dialog.state() == DialogState::Open {
-            return;
-        }
-        let purpose = self.dialog.take().map(|dialog| dialog.purpose);
-        match (purpose, picked) {
-            (Some(Purpose::Open), Some(file)) => self.proceed(state, Next::Open(file)),
-            (Some(Purpose::Save), Some(file)) => {
-                let is_saved = self.save(state, Some(&with_suffix(file)));
-                if let Some(next) = self.waiting.take().filter(|_| is_saved) {
-                    self.proceed(state, next);
-                }
-            }
-            (Some(Purpose::Param(node, param)), Some(file)) => {
-                let path = written(&state.document().base, &file);
-                state.change(&format!("{node}.{param}"), None, |document| {
-                    document.set_param(&node, &param, Some(path.into()));
-                    Ok(())
-                });
-            }
-            _ => {}
-        }
-    }
-
     pub(super) fn guard_ui(&mut self, state: &mut State, ctx: &egui::Context) {
         if self.waiting.is_none() || self.dialog.is_some() {
             return;

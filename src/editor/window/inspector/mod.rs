@@ -4,18 +4,19 @@
 mod curve;
 mod field;
 mod inputs;
+mod recipe;
+mod tools;
 
 use super::commands::Command;
 use super::help::Help;
 use super::look::{self, named};
 use super::state::State;
-use crate::editor::hands::find::{SHADOW_EDITS, edit_shadow};
-use crate::editor::hands::handles::begun;
 use crate::editor::keys;
 use crate::fields::{Field, fields};
 use crate::params::NodeType;
 use egui::{RichText, Ui, WidgetType};
 use serde_json::Value as Json;
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 #[derive(Default)]
@@ -32,8 +33,8 @@ impl Inspector {
             ui.set_width(ui.available_width());
             match (state.chosen().map(str::to_owned), state.comment) {
                 (Some(node), _) => self.node(state, help, &node, ui),
-                (None, Some(number)) => comment(state, number, ui),
-                (None, None) => self.recipe(state, ui),
+                (None, Some(number)) => recipe::comment(state, number, ui),
+                (None, None) => recipe::ui(state, ui),
             }
         });
     }
@@ -49,7 +50,7 @@ impl Inspector {
             }
             typed.response.labelled_by(label);
         });
-        let Some(entry) = state.entry(node).cloned() else { return };
+        let Some(entry) = state.document().nodes.get(node).cloned() else { return };
         ui.horizontal(|ui| {
             ui.label(RichText::new(&entry.kind).strong());
             let mut muted = entry.muted;
@@ -75,7 +76,7 @@ impl Inspector {
         ui.label(RichText::new(node_type.info.summary).weak());
         ui.separator();
         self.params(state, node, node_type, ui);
-        tools(state, node, &entry.kind, ui);
+        tools::ui(state, node, &entry.kind, ui);
         ui.separator();
         inputs::ui(state, node, ui);
         known(state, node, ui);
@@ -89,11 +90,11 @@ impl Inspector {
     }
 
     fn param(&mut self, state: &mut State, node: &str, field: &Field, ui: &mut Ui) {
-        let Some(entry) = state.entry(node) else { return };
-        let given = entry.params.get(&field.name).cloned();
+        let Some(entry) = state.document().nodes.get(node).cloned() else { return };
+        let given = entry.params.get(&field.name);
         let frame = state.frame;
         let keyed = keys::keys(state.document(), node, &field.name);
-        let value = given.as_ref().map_or_else(|| field.default.clone(), |given| keys::value_at(given, frame as f64));
+        let value = given.map_or(Cow::Borrowed(&field.default), |given| keys::value_at(given, frame as f64));
         let mut asked = None;
         ui.horizontal(|ui| {
             let at_key = keyed.as_ref().is_some_and(|keys| keys.iter().any(|(key, _)| *key == frame as f64));
@@ -130,47 +131,12 @@ impl Inspector {
         let Some(asked) = asked else { return };
         state.change(&format!("{node}.{}", field.name), None, |document| {
             match asked {
-                Asked::Key => keys::set_key(document, node, &field.name, value, frame as f64),
+                Asked::Key => keys::set_key(document, node, &field.name, value.into_owned(), frame as f64),
                 Asked::RemoveKey => keys::remove_key(document, node, &field.name, frame as f64),
                 Asked::Reset => document.set_param(node, &field.name, None),
             }
             Ok(())
         });
-    }
-
-    /// Nothing is chosen: the recipe itself.
-    fn recipe(&mut self, state: &mut State, ui: &mut Ui) {
-        ui.heading("Recipe");
-        let document = state.document();
-        ui.label(format!("{} nodes", document.nodes.len()));
-        let (mut frames, mut fps) = (document.frames, document.fps);
-        ui.horizontal(|ui| {
-            ui.label("Frames");
-            named(ui.add(egui::DragValue::new(&mut frames[0])), WidgetType::DragValue, "first frame");
-            ui.label("to");
-            named(ui.add(egui::DragValue::new(&mut frames[1])), WidgetType::DragValue, "last frame");
-        });
-        ui.horizontal(|ui| {
-            ui.label("Frames per second");
-            let speed = egui::DragValue::new(&mut fps).range(0.1..=1000.0).speed(0.1);
-            named(ui.add(speed), WidgetType::DragValue, "frames per second");
-        });
-        frames[1] = frames[1].max(frames[0]);
-        if (frames, fps) != (document.frames, document.fps) {
-            state.change("frames", Some("frames"), |document| {
-                (document.frames, document.fps) = (frames, fps);
-                Ok(())
-            });
-        }
-        let problems: Vec<(String, String)> = state
-            .session
-            .problems_of_whole()
-            .iter()
-            .map(|problem| (problem.message.clone(), problem.help.clone()))
-            .collect();
-        problems.iter().for_each(|(message, help)| trouble(message, help, ui));
-        ui.separator();
-        ui.weak("Choose a node to see its parameters. Tab over the graph adds one.");
     }
 }
 
@@ -215,6 +181,14 @@ fn renamed(state: &mut State, old: &str, new: &str) {
     }
 }
 
+fn known(state: &State, node: &str, ui: &mut Ui) {
+    let Some(known) = state.known.get(node) else { return };
+    let Some(seconds) = known.seconds else { return };
+    let size = known.bytes as f64 / f64::from(1 << 20);
+    ui.separator();
+    ui.weak(format!("computed in {}, {size:.1} MiB", look::seconds(seconds)));
+}
+
 fn troubles(state: &State, node: &str, ui: &mut Ui) {
     for problem in state.session.problems_of(node) {
         trouble(&problem.message, &problem.help, ui);
@@ -232,69 +206,5 @@ fn trouble(message: &str, help: &str, ui: &mut Ui) {
     ui.colored_label(ui.visuals().error_fg_color, format!("⚠ {message}"));
     if !help.is_empty() {
         ui.label(help);
-    }
-}
-
-/// Buttons that bring handles into the picture, or lead on from what was found.
-fn tools(state: &mut State, node: &str, kind: &str, ui: &mut Ui) {
-    let aspect =
-        state.last.as_ref().map_or(4.0 / 3.0, |shown| shown.picture.width as f32 / shown.picture.height.max(1) as f32);
-    if let Some((param, value)) = begun(kind, aspect)
-        && state.entry(node).is_some_and(|entry| entry.params.get(param).is_none_or(Json::is_null))
-    {
-        let label = if param == "corners" { "Pull by the corners" } else { "Draw a gradient" };
-        if ui.button(label).clicked() {
-            state.change(label, None, |document| {
-                document.set_param(node, param, Some(value));
-                Ok(())
-            });
-        }
-    }
-    if kind == "localize_light" {
-        ui.separator();
-        ui.label("Its shadow:");
-        ui.horizontal_wrapped(|ui| {
-            for (kind, label) in SHADOW_EDITS {
-                if ui.button(label).clicked()
-                    && let Some(edit) = state.change(label, None, |document| edit_shadow(document, node, kind))
-                {
-                    state.choose(&edit);
-                }
-            }
-        });
-    }
-    if kind == "paint" && ui.button("Find light").on_hover_text("the light of the shadow that is painted").clicked() {
-        state.ask(Command::FindLight);
-    }
-}
-
-fn known(state: &State, node: &str, ui: &mut Ui) {
-    let Some(known) = state.known.get(node) else { return };
-    let Some(seconds) = known.seconds else { return };
-    let size = known.bytes as f64 / f64::from(1 << 20);
-    ui.separator();
-    ui.weak(format!("computed in {}, {size:.1} MiB", look::seconds(seconds)));
-}
-
-fn comment(state: &mut State, number: usize, ui: &mut Ui) {
-    let Some(comment) = state.document().comments.get(number) else { return };
-    ui.heading("Comment");
-    let mut text = comment.text.clone();
-    let mut size = comment.size;
-    let label = ui.label("Text").id;
-    ui.text_edit_multiline(&mut text).labelled_by(label);
-    ui.horizontal(|ui| {
-        ui.label("Size");
-        named(ui.add(egui::DragValue::new(&mut size[0]).range(60.0..=1e5)), WidgetType::DragValue, "comment width");
-        named(ui.add(egui::DragValue::new(&mut size[1]).range(40.0..=1e5)), WidgetType::DragValue, "comment height");
-    });
-    if (&text, size) != (&comment.text, comment.size) {
-        state.change("comment", Some("comment"), |document| {
-            (document.comments[number].text, document.comments[number].size) = (text, size);
-            Ok(())
-        });
-    }
-    if ui.button("Delete comment").clicked() {
-        state.ask(Command::Delete);
     }
 }
