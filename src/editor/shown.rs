@@ -3,9 +3,10 @@
 use super::hands::shadow::direction;
 use crate::image::{Content, Image, Layer};
 use crate::scene::{Environment, Scene, SurfacePoint, cube};
-use crate::transport::Samples;
 use crate::transport::samples::reflectance;
+use crate::transport::selection::Weighed;
 use crate::transport::shadow::Ratio;
+use crate::transport::{Samples, Selection};
 use crate::value::Value;
 use crate::{Error, Result};
 use glam::{Vec3, Vec4};
@@ -38,10 +39,25 @@ pub struct Parts {
     pub environment: Option<Value>,
 }
 
+/// The mask that was shown last: the next one often differs little from it.
+#[derive(Default)]
+pub struct LastMask(Option<(Arc<Samples>, Weighed)>);
+
+impl LastMask {
+    /// Weight of each pixel.
+    fn follow(&mut self, samples: &Arc<Samples>, selection: &Arc<Selection>) -> Vec<f32> {
+        let before = self.0.as_ref().filter(|(before, _)| Arc::ptr_eq(before, samples));
+        let weighed = Weighed::new(selection, &samples.points, before.map(|(_, weighed)| weighed));
+        let weights = samples.resolve(|i| weighed.weights[i]);
+        self.0 = Some((samples.clone(), weighed));
+        weights
+    }
+}
+
 impl Shown {
     /// # Errors
     /// `Usage` when the value is of a kind that has no picture.
-    pub fn new(parts: Parts) -> Result<Self> {
+    pub fn new(parts: Parts, last: &mut LastMask) -> Result<Self> {
         let samples = match parts.samples {
             Some(Value::Samples(samples)) => Some(samples),
             _ => None,
@@ -50,21 +66,17 @@ impl Shown {
             Some(Value::Scene(scene)) => Some(scene),
             _ => None,
         };
-        let view = samples.as_deref();
         let picture = parts.picture.and_then(|value| picture(&value, scene.as_deref()));
         let picture = picture.ok_or_else(|| Error::usage("there is no picture of this", "view another node"))?;
-        let same_size = |samples: &&Samples| (samples.width, samples.height) == (picture.width, picture.height);
-        let view = view.filter(same_size);
-        let mask = match (&parts.mask, view) {
+        let same_size = |samples: &Arc<Samples>| (samples.width, samples.height) == (picture.width, picture.height);
+        let samples = samples.filter(same_size);
+        let mask = match (&parts.mask, &samples) {
             (Some(Value::Selection(selection)), Some(samples)) if *selection.geometry() == samples.geometry => {
-                let weights = selection.weights(&samples.points);
-                let pixels = samples.resolve(|i| Vec4::splat(weights[i]));
-                Some(Arc::new(pixels.into_iter().map(|weight| weight.x).collect()))
+                Some(Arc::new(last.follow(samples, selection)))
             }
             _ => None,
         };
         let other = parts.other.and_then(|value| self::picture(&value, scene.as_deref()));
-        let samples = view.is_some().then_some(samples).flatten();
         let light = match (&parts.environment, &parts.lamp) {
             (Some(Value::Environment(environment)), Some(Value::Light(lamp))) => direction(environment, Some(lamp)),
             (Some(Value::Environment(environment)), None) => direction(environment, None),

@@ -6,7 +6,6 @@ use crate::scene::{Camera, Fingerprint, Geometry, Material, SurfacePoint};
 use crate::transport::atlas::Atlas;
 use crate::transport::rows::Grid;
 use crate::{Error, Result, memory};
-use glam::Vec4;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -88,12 +87,15 @@ impl Samples {
     }
 
     /// Mean over the samples of each pixel.
-    pub fn resolve(&self, value: impl Fn(usize) -> Vec4 + Sync) -> Vec<Vec4> {
+    pub fn resolve<T>(&self, value: impl Fn(usize) -> T + Sync) -> Vec<T>
+    where
+        T: Send + std::iter::Sum + std::ops::Div<f32, Output = T>,
+    {
         let per_pixel = self.per_pixel();
         (0..self.width * self.height)
             .into_par_iter()
             .with_min_len(4096)
-            .map(|pixel| (pixel * per_pixel..(pixel + 1) * per_pixel).map(&value).sum::<Vec4>() / per_pixel as f32)
+            .map(|pixel| (pixel * per_pixel..(pixel + 1) * per_pixel).map(&value).sum::<T>() / per_pixel as f32)
             .collect()
     }
 

@@ -6,7 +6,7 @@
 use super::desk::Desk;
 use assert_cmd::cargo::cargo_bin;
 use chiaro::editor::develop::{Settings, develop};
-use chiaro::editor::shown::{Parts, Shown};
+use chiaro::editor::shown::{LastMask, Parts, Shown};
 use chiaro::image::exr_read;
 use chiaro::value::Value;
 use egui::Pos2;
@@ -155,7 +155,11 @@ fn part(image: &image::RgbImage, rect: egui::Rect) -> image::RgbImage {
 /// What the viewer makes of a rendered file.
 fn as_shown(file: &Path) -> image::RgbImage {
     let picture = exr_read::read(file).unwrap();
-    let shown = Shown::new(Parts { picture: Some(Value::Image(Arc::new(picture))), ..Parts::default() }).unwrap();
+    let shown = Shown::new(
+        Parts { picture: Some(Value::Image(Arc::new(picture))), ..Parts::default() },
+        &mut LastMask::default(),
+    )
+    .unwrap();
     let pixels = develop(&shown, &Settings::default()).picture;
     image::RgbImage::from_fn(pixels.width as u32, pixels.height as u32, |x, y| {
         let [r, g, b, _] = pixels.data[y as usize * pixels.width + x as usize];

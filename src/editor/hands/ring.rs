@@ -66,7 +66,7 @@ pub fn adaptive_radius(shown: &Shown, point: &SurfacePoint, factor: f32) -> Opti
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::editor::shown::Parts;
+    use crate::editor::shown::{LastMask, Parts};
     use crate::scene::{Camera, builtin};
     use crate::transport::Samples;
     use crate::value::Value;
@@ -78,7 +78,8 @@ mod tests {
         let samples = Arc::new(Samples::view(&Device::Cpu, &scene.geometry, &camera, (160, 120), 1).unwrap());
         let value = || Some(Value::Samples(samples.clone()));
         let scene = Some(Value::Scene(scene.clone()));
-        Shown::new(Parts { picture: value(), samples: value(), scene, ..Parts::default() }).unwrap()
+        Shown::new(Parts { picture: value(), samples: value(), scene, ..Parts::default() }, &mut LastMask::default())
+            .unwrap()
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::bars::Bars;
 use super::{Event, Level, Picture, Request, Shared, Told};
 use crate::editor::develop::develop;
 use crate::editor::look::{Staging, is_own};
-use crate::editor::shown::{Parts, Shown};
+use crate::editor::shown::{LastMask, Parts, Shown};
 use crate::editor::thumb::thumb;
 use crate::eval::{Context, Evaluator, NodeReport, Remembered};
 use crate::graph::{Document, Plan};
@@ -31,11 +31,20 @@ pub struct Run {
     seconds: HashMap<(String, usize), f64>,
     /// Of the values that thumbs were made of.
     keys: HashMap<String, Key>,
+    mask: LastMask,
 }
 
 impl Run {
     pub fn new(evaluator: Arc<Evaluator>, registry: &'static [NodeType], shared: Arc<Shared>, told: Told) -> Self {
-        Self { evaluator, registry, shared, told, seconds: HashMap::new(), keys: HashMap::new() }
+        Self {
+            evaluator,
+            registry,
+            shared,
+            told,
+            seconds: HashMap::new(),
+            keys: HashMap::new(),
+            mask: LastMask::default(),
+        }
     }
 
     pub fn serve(mut self) {
@@ -93,7 +102,7 @@ impl Run {
 
     /// What a person can do nothing about is told as such, and ends neither window nor worker.
     fn evaluate(
-        &self,
+        &mut self,
         id: u64,
         request: &Request,
         document: &Document,
@@ -115,7 +124,7 @@ impl Run {
     }
 
     fn shown(
-        &self,
+        &mut self,
         id: u64,
         frame: i64,
         document: &Document,
@@ -135,7 +144,7 @@ impl Run {
             values[target].get(output).cloned()
         };
         let given = |place: &Option<(String, usize)>| place.as_ref().and_then(|(node, output)| of(node, *output));
-        Shown::new(Parts {
+        let parts = Parts {
             picture: of(&staging.picture.0, staging.picture.1),
             other: given(&staging.other),
             mask: given(&staging.mask),
@@ -143,7 +152,8 @@ impl Run {
             scene: given(&staging.scene),
             lamp: given(&staging.lamp),
             environment: given(&staging.environment),
-        })
+        };
+        Shown::new(parts, &mut self.mask)
     }
 
     fn thumbs(&mut self, request: &Request, staging: &Staging) {

@@ -13,8 +13,8 @@ pub fn idle(stage: &Stage, edits: &Edits) -> Result<Vec<String>> {
         let key = Key::of(&[b"nowhere", what, &stage.place.0, &selection.digest()]);
         Ok(*stage.memo.remember(key, |_| 1, || Ok(weights()?.iter().all(|&weight| weight == 0.0)))?)
     };
-    let unsent = |caster: &Selection| nowhere(b"gather", caster, &|| stage.at_gather(caster));
-    let unseen = |receiver: &Selection| nowhere(b"view", receiver, &|| stage.at_view(receiver));
+    let unsent = |caster: &Arc<Selection>| nowhere(b"gather", caster, &|| stage.at_gather(caster));
+    let unseen = |receiver: &Arc<Selection>| nowhere(b"view", receiver, &|| stage.at_view(receiver));
     let mut lines = Vec::new();
     for (number, edit) in edits.0.iter().enumerate() {
         let [sends, receives] = match edit {

@@ -49,6 +49,7 @@ use crate::device::{Array, Device};
 use crate::memo::{Key, Memo};
 use crate::progress::Progress;
 use crate::scene::{Geometry, SurfacePoint};
+use crate::transport::selection::Weighed;
 use crate::transport::{Selection, Transfer};
 use std::sync::Arc;
 
@@ -69,17 +70,28 @@ pub struct Stage<'a> {
 
 impl Stage<'_> {
     /// Weights of a selection at the view samples.
-    pub fn at_view(&self, selection: &Selection) -> Result<Arc<Array<f32>>> {
+    pub fn at_view(&self, selection: &Arc<Selection>) -> Result<Arc<Array<f32>>> {
         self.weights(b"view", selection, &self.transfer.samples.points)
     }
 
     /// Weights of a selection at the gather samples.
-    pub fn at_gather(&self, selection: &Selection) -> Result<Arc<Array<f32>>> {
+    pub fn at_gather(&self, selection: &Arc<Selection>) -> Result<Arc<Array<f32>>> {
         self.weights(b"gather", selection, &self.transfer.gather.points)
     }
 
-    fn weights(&self, what: &[u8], selection: &Selection, points: &[SurfacePoint]) -> Result<Arc<Array<f32>>> {
+    /// What is not known follows from what was weighed last there: most often a stroke that is being painted.
+    fn weights(&self, what: &[u8], selection: &Arc<Selection>, points: &[SurfacePoint]) -> Result<Arc<Array<f32>>> {
         let key = Key::of(&[b"weights", what, &self.place.0, &selection.digest()]);
-        self.memo.remember(key, |w: &Array<f32>| 4 * w.len() as u64, || Ok(selection.weights(points).into()))
+        let last = Key::of(&[b"weights", what, &self.place.0, b"last"]);
+        let bytes = |weights: &Array<f32>| 4 * weights.len() as u64;
+        if let Some(found) = self.memo.get(key).and_then(|any| any.downcast::<Array<f32>>().ok()) {
+            return Ok(found);
+        }
+        let before = self.memo.get(last).and_then(|any| any.downcast::<Weighed>().ok());
+        let weighed = Weighed::new(selection, points, before.as_deref());
+        let weights = weighed.weights.clone();
+        self.memo.put(key, weights.clone(), bytes(&weights));
+        self.memo.put(last, Arc::new(weighed), bytes(&weights));
+        Ok(weights)
     }
 }

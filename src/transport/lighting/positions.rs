@@ -47,7 +47,7 @@ impl Deref for Positions {
 pub fn at_positions(
     stage: &Stage,
     lane: &Lane,
-    selection: &Selection,
+    selection: &Arc<Selection>,
     positions: Option<&Positions>,
 ) -> Result<Array<f32>> {
     let weights = stage.at_view(selection)?;

@@ -3,6 +3,7 @@
 //! Kept as a list of steps without repeats instead of a tree, so that a selection that is used a thousand times over is
 //! evaluated once.
 
+use super::bounds::Bounds;
 use super::{Digest, Selection, finish};
 use crate::scene::{Fingerprint, SurfacePoint};
 use crate::{Error, Result};
@@ -158,6 +159,22 @@ impl Combined {
             // What is not there is in nothing, inverted or not.
             *weight = if point.exists() { *last } else { 0.0 };
         }
+    }
+
+    /// Where fields differ; `None` when they are not put together alike.
+    pub(super) fn apart(&self, other: &Self) -> Option<Vec<Bounds>> {
+        if self.steps.len() != other.steps.len() {
+            return None;
+        }
+        let mut apart = Vec::new();
+        for ((_, ours), (_, theirs)) in self.steps.iter().zip(&other.steps) {
+            match (ours, theirs) {
+                (Step::Field(a), Step::Field(b)) => apart.extend(a.apart(b)?),
+                (ours, theirs) if ours == theirs => {}
+                _ => return None,
+            }
+        }
+        Some(apart)
     }
 
     pub(super) fn digest(&self) -> Digest {

@@ -3,20 +3,24 @@
 //!
 //! For: what nodes hand to edits. Not for: what is done where it is selected (`edits`).
 
+mod bounds;
 mod combine;
 mod names;
 mod nearest;
 mod paint;
 mod stroke;
 mod way;
+mod weighed;
 
 pub use combine::{Combined, Mode};
 pub use names::Names;
 pub use paint::Painted;
 pub use stroke::{Laid, Stroke, StrokeMode};
+pub use weighed::Weighed;
 
 use crate::scene::{Fingerprint, Geometry, SurfacePoint};
 use crate::{Error, Result};
+use bounds::Bounds;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -94,6 +98,15 @@ impl Selection {
         let blocks = weights.par_chunks_mut(BLOCK).zip(points.par_chunks(BLOCK));
         blocks.for_each(|(weights, points)| self.evaluate(points, weights));
         weights
+    }
+
+    /// Boxes outside of which two selections have the same weights everywhere; `None`: they may differ anywhere.
+    fn apart(&self, other: &Self) -> Option<Vec<Bounds>> {
+        match (self, other) {
+            (Self::Painted(a), Self::Painted(b)) => a.apart(b),
+            (Self::Combined(a), Self::Combined(b)) => a.apart(b),
+            _ => (self == other).then(Vec::new),
+        }
     }
 
     /// One block, on this thread; `weights` come in as 0.

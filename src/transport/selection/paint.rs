@@ -11,6 +11,7 @@
 //! Where something stands between `c` and `x`, `s` grows by as much as the way round it is longer; where there is no way
 //! within the radius, the weight is 0. The largest weight of a stroke's capsules is the stroke's; strokes are laid over each other in order.
 
+use super::bounds::Bounds;
 use super::stroke::{self, Laid, Stroke, StrokeMode};
 use super::way::Way;
 use super::{Digest, finish};
@@ -37,7 +38,7 @@ pub(super) struct Line {
     mode: StrokeMode,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Segment {
     a: Knot,
     b: Knot,
@@ -45,7 +46,7 @@ pub(super) struct Segment {
 }
 
 /// A place of the brush.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Knot {
     pub position: Vec3,
     /// Unit.
@@ -53,12 +54,6 @@ pub(super) struct Knot {
     pub radius: f32,
     /// How far above the surface rays run that look for obstacles.
     pub raise: f32,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Bounds {
-    low: Vec3,
-    high: Vec3,
 }
 
 /// How many times more a distance off the surface counts than one along it.
@@ -129,6 +124,24 @@ impl Painted {
                 }
             }
         }
+    }
+
+    /// Around the segments that only one of two has: at points in none of these, both find the same segments, in the same
+    /// order. `None` for paint in different places.
+    pub(super) fn apart(&self, other: &Self) -> Option<Vec<Bounds>> {
+        if self.geometry() != other.geometry() {
+            return None;
+        }
+        let mut apart = Vec::new();
+        for number in 0..self.lines.len().max(other.lines.len()) {
+            let lines = [self.lines.get(number), other.lines.get(number)];
+            let [ours, theirs] = lines.map(|line| line.map_or(&[][..], |line| &line.segments[..]));
+            let [a, b] = lines.map(|line| line.map(|line| (line.hardness, line.value, line.mode)));
+            let is_same_brush = a == b;
+            let shared = if is_same_brush { ours.iter().zip(theirs).take_while(|(a, b)| a == b).count() } else { 0 };
+            apart.extend(ours[shared..].iter().chain(&theirs[shared..]).map(|segment| segment.bounds));
+        }
+        Some(apart)
     }
 
     /// The weight of one stroke: the largest of those of its segments that get to the point.
@@ -239,24 +252,5 @@ impl Knot {
             radius: mix(self.radius, other.radius),
             raise: mix(self.raise, other.raise),
         }
-    }
-}
-
-impl Bounds {
-    /// `None` of nothing.
-    fn of(points: impl Iterator<Item = Vec3>) -> Option<Self> {
-        let around = |bounds: Option<Self>, p: Vec3| match bounds {
-            None => Some(Self { low: p, high: p }),
-            Some(Self { low, high }) => Some(Self { low: low.min(p), high: high.max(p) }),
-        };
-        points.fold(None, around)
-    }
-
-    fn meets(&self, other: &Self) -> bool {
-        self.low.cmple(other.high).all() && self.high.cmpge(other.low).all()
-    }
-
-    fn holds(&self, point: Vec3) -> bool {
-        self.low.cmple(point).all() && self.high.cmpge(point).all()
     }
 }
