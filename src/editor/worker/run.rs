@@ -17,8 +17,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-/// Seconds above which a picture comes coarse first.
-const LONG: f64 = 0.1;
+/// Seconds above which a picture comes coarse first: what a hand still takes for at once.
+const LONG: f64 = 0.05;
 /// Pixels of a coarse picture along a side, of those of the full one.
 const COARSE: u64 = 4;
 
@@ -27,8 +27,8 @@ pub struct Run {
     registry: &'static [NodeType],
     shared: Arc<Shared>,
     told: Told,
-    /// How long the last full picture of each node took.
-    seconds: HashMap<(String, usize), f64>,
+    /// How long the last two full pictures of each node took.
+    seconds: HashMap<(String, usize), [f64; 2]>,
     /// Of the values that thumbs were made of.
     keys: HashMap<String, Key>,
     mask: LastMask,
@@ -78,7 +78,8 @@ impl Run {
             }
         };
         let place = &request.look.at;
-        let is_long = self.seconds.get(place).is_none_or(|seconds| *seconds > LONG);
+        // One alone may have been held up by something else.
+        let is_long = self.seconds.get(place).is_none_or(|last| last.iter().all(|seconds| *seconds > LONG));
         if is_long && let Some(document) = coarse(&staging.document, self.registry) {
             match self.evaluate(id, request, &document, &staging) {
                 (Err(Error::Cancelled), ..) => return,
@@ -91,7 +92,8 @@ impl Run {
         }
         let (result, reports, seconds) = self.evaluate(id, request, &staging.document, &staging);
         if !matches!(result, Err(Error::Cancelled)) {
-            self.seconds.insert(place.clone(), seconds);
+            let last = self.seconds.entry(place.clone()).or_insert([seconds; 2]);
+            *last = [seconds, last[0]];
         }
         let is_shown = result.is_ok();
         self.told.tell(Event::Finished { id, level: Level::Full, result, reports, seconds });
