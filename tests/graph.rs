@@ -3,7 +3,7 @@
 mod trial_nodes;
 
 use chiaro::Error;
-use chiaro::graph::{self, Document, Param, Plan, Problem, schema::recipe_schema};
+use chiaro::graph::{self, Checks, Document, Param, Plan, Problem, schema::recipe_schema};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use trial_nodes::NODES;
@@ -134,9 +134,12 @@ fn loops_are_named() {
 fn curves_are_checked_key_by_key_and_round_where_integers_are_asked_for() {
     let with = |curve: &str| format!(r#"{{"chiaro": 1, "nodes": {{"a": {{"type": "flat", "params": {{{curve}}}}}}}}}"#);
     let good = plan(&with(r#""width": {"keys": [[1, 1], [4, 2]]}, "groups": {"keys": ["a"]}"#)).unwrap();
-    let width = |frame| good.steps[0].node(frame).unwrap().params()["width"].clone();
+    let width = |frame| good.steps[0].node(frame).unwrap().node.params()["width"].clone();
     assert_eq!([1.0, 2.0, 3.0].map(width), [json!(1), json!(1), json!(2)]);
-    assert!(matches!(good.steps[0].params["groups"], Param::Constant(_)), "a value that happens to look like a curve");
+    assert!(
+        matches!(good.steps[0].params.get("groups"), Some(Param::Constant(_))),
+        "a value that happens to look like a curve"
+    );
     let text = with(r#""value": {"keys": [[1, 1], [2, 99], [3, "x"]]}, "mode": {"keys": [[1, "plain"]]}"#);
     let found = problems(&text);
     assert_eq!(
@@ -177,7 +180,7 @@ fn overrides_of_the_command_line_are_usage_errors() {
         Plan::new(&document, NODES)
     };
     let good = set(&["a.value=2", "a.width=3"]).unwrap();
-    assert_eq!(good.steps[0].node(1.0).unwrap().params()["value"], json!(2.0));
+    assert_eq!(good.steps[0].node(1.0).unwrap().node.params()["value"], json!(2.0));
     assert!(good.recipe().contains("\"value\": 2"), "the headers of pictures tell what was rendered");
     let error = set(&["a.value=-2", "a.widht=3"]).err().unwrap();
     assert!(matches!(error, Error::Usage { .. }));
@@ -234,4 +237,51 @@ fn muted_nodes_are_passed_by() {
     // And it is part of the recipe.
     let written = recipe([true, false, false], "red").to_text();
     assert!(written.contains("\"muted\": true") && !written.contains("\"muted\": false"), "{written}");
+}
+
+/// A recipe that changes step by step is found right or wrong as if it had just been read, and makes the same nodes.
+#[test]
+fn plans_of_a_recipe_that_changes_are_those_of_what_it_has_become() {
+    let text = r#"{ "chiaro": 1, "frames": [1, 9], "nodes": {
+        "a": { "type": "flat", "params": { "value": { "keys": [[1, 0.5], [9, 0.75]] } } },
+        "b": { "type": "flat", "params": { "width": 3 } },
+        "sum": { "type": "add", "inputs": { "a": "a", "b": "b" } }
+    } }"#;
+    let mut document = Document::parse(Path::new("test.json"), text).unwrap();
+    let mut checks = Checks::default();
+    let (mut wrong, mut right) = (0, 0);
+    for step in 0..12 {
+        match step {
+            1 => document.set_param("b", "width", Some(json!(5))),
+            2 | 3 => document.set_param("b", "value", Some(json!(-2 * step))),
+            4 => document.set_param("a", "value", Some(json!(0.25))),
+            5 => document.frames = [3, 9],
+            6 => document.set_param("b", "value", None),
+            7 => document.rename("b", "c").unwrap(),
+            8 => document.rename("a", "b").unwrap(),
+            9 => document.entry_mut("c").unwrap().kind = "add".to_owned(),
+            10 => document.entry_mut("c").unwrap().kind = "flat".to_owned(),
+            _ => {}
+        }
+        document = document.refreshed().unwrap();
+        let again = Plan::again(&document, NODES, &mut checks);
+        match (again, Plan::new(&document, NODES)) {
+            (Ok(again), Ok(new)) => {
+                right += 1;
+                for (again, new) in again.steps.iter().zip(&new.steps) {
+                    let digest = |step: &chiaro::graph::Step, frame| step.node(frame).unwrap().digest;
+                    assert_eq!((&again.name, &again.inputs), (&new.name, &new.inputs), "step {step}");
+                    for frame in [3.0, 6.0] {
+                        assert_eq!(digest(again, frame), digest(new, frame), "step {step}: {}", new.name);
+                    }
+                }
+            }
+            (Err(again), Err(new)) => {
+                wrong += 1;
+                assert_eq!(again.to_string(), new.to_string(), "step {step}");
+            }
+            _ => panic!("step {step}: right for one, wrong for the other"),
+        }
+    }
+    assert!(wrong >= 3 && right >= 3, "{wrong} wrong, {right} right");
 }

@@ -236,7 +236,7 @@ impl Args {
         let folder: &Path = self.out.as_deref().unwrap_or(&plan.base);
         let mut missing = Vec::new();
         for &target in targets {
-            let files = plan.steps[target].node(frame as f64)?.output_files(frame as f64);
+            let files = plan.steps[target].node(frame as f64)?.node.output_files(frame as f64);
             if files.is_empty() || !files.iter().all(|file| folder.join(file).is_file()) {
                 missing.push(target);
             }

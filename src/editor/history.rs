@@ -35,6 +35,11 @@ impl History {
         }
     }
 
+    /// A drag goes on.
+    pub fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
     /// The next change is one of its own, whatever its mark.
     pub fn close(&mut self) {
         self.open = None;

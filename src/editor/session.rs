@@ -2,7 +2,7 @@
 
 use super::history::History;
 use super::paths::rebase;
-use crate::graph::{self, Document, Plan, Problem};
+use crate::graph::{self, Checks, Document, Plan, Problem};
 use crate::node::Info;
 use crate::params::NodeType;
 use crate::{Error, Result, atomic};
@@ -21,6 +21,7 @@ pub struct Session {
     /// The text that its file had then.
     on_disk: Option<String>,
     problems: BTreeMap<String, Vec<Problem>>,
+    checks: Checks,
     /// Grows with every change.
     version: u64,
     /// Grows with every change that a picture could show: not where nodes lie.
@@ -70,8 +71,9 @@ impl Session {
         on_disk: Option<String>,
         registry: &'static [NodeType],
     ) -> Self {
-        let (history, problems) = (History::default(), BTreeMap::new());
-        let mut session = Self { document, history, registry, file, saved, on_disk, problems, version: 0, content: 0 };
+        let (history, problems, checks) = (History::default(), BTreeMap::new(), Checks::default());
+        let mut session =
+            Self { document, history, registry, file, saved, on_disk, problems, checks, version: 0, content: 0 };
         session.check();
         session
     }
@@ -185,7 +187,7 @@ impl Session {
 
     /// Sorts what is wrong by node.
     fn check(&mut self) {
-        let problems = match Plan::new(&self.document, self.registry) {
+        let problems = match Plan::again(&self.document, self.registry, &mut self.checks) {
             Err(Error::Graph { problems, .. }) => problems,
             Err(error) => {
                 vec![Problem { message: error.to_string(), help: error.help().to_owned(), ..Problem::default() }]

@@ -6,16 +6,17 @@
 
 use super::files::FileHashes;
 use crate::Result;
-use crate::graph::{Plan, Step};
+use crate::graph::{Plan, Ready, Step};
 use crate::node::{Facet, FacetRule, Key, Port};
 use crate::params::AnyNode;
+use std::sync::Arc;
 
 /// A hash of all code that results depend on (see build.rs).
 pub(super) const SOURCES: &str = env!("CHIARO_SOURCES");
 
 /// One node at one frame, ready to run.
 pub struct Keyed {
-    pub node: Box<dyn AnyNode>,
+    pub node: Arc<dyn AnyNode>,
     /// Names what a run of the node computes.
     pub key: Key,
     /// The input (index of its port) whose value is this node's, unchanged.
@@ -55,7 +56,7 @@ pub fn keys(plan: &Plan, targets: &[usize], frame: f64, files: &FileHashes) -> R
 }
 
 fn key_step(plan: &Plan, step: &Step, inputs: &[Option<[Key; 4]>], frame: f64, files: &FileHashes) -> Result<Keyed> {
-    let node = step.node(frame)?;
+    let Ready { node, digest } = step.node(frame)?;
     let info = step.node_type.info;
     let port = |name: &str| {
         info.inputs
@@ -69,7 +70,7 @@ fn key_step(plan: &Plan, step: &Step, inputs: &[Option<[Key; 4]>], frame: f64, f
         info.name.as_bytes(),
         &info.version.to_le_bytes(),
         SOURCES.as_bytes(),
-        node.params().to_string().as_bytes(),
+        &digest.0,
         &content.0,
         &frame.to_le_bytes(),
     ]);

@@ -13,7 +13,7 @@ pub fn check(plan: &Plan, targets: &[usize], frame: i64, out: Option<&Path>, rec
     let frame = frame as f64;
     let mut taken: Vec<(PathBuf, String)> = vec![(whole(recipe), "the recipe".to_owned())];
     for step in &plan.steps {
-        let node = step.node(frame)?;
+        let node = step.node(frame)?.node;
         let named = node.files().into_iter().map(|file| plan.base.join(frame_path(&file, frame)));
         let files = named.chain(node.linked_files(&plan.base).into_iter().map(|file| plan.base.join(file)));
         taken.extend(files.map(|file| (whole(&file), format!("read by node \"{}\"", step.name))));
@@ -21,7 +21,7 @@ pub fn check(plan: &Plan, targets: &[usize], frame: i64, out: Option<&Path>, rec
     let folder = out.unwrap_or(&plan.base);
     for &target in targets {
         let step = &plan.steps[target];
-        for file in step.node(frame)?.output_files(frame) {
+        for file in step.node(frame)?.node.output_files(frame) {
             let path = whole(&folder.join(&file));
             if let Some((_, what)) = taken.iter().find(|(other, _)| *other == path) {
                 let message = format!("node \"{}\" would write over {}, which is {what}", step.name, path.display());

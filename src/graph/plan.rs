@@ -1,15 +1,15 @@
 //! A checked graph in the order in which it can be computed.
 
-use super::check::{Checker, ParamChecker};
-use super::curve::{self, Complaint, Curve};
+use super::check::Checker;
+use super::curve::Complaint;
 use super::document::{Document, NodeEntry};
+use super::params::{Checks, Params, Ready, read_param};
 use super::problem::{Problem, summary};
 use super::source::{Part, Source, child};
 use crate::names::suggest;
-use crate::params::{AnyNode, NodeType};
+use crate::params::NodeType;
 use crate::{Error, Result};
 use indexmap::IndexMap;
-use serde_json::{Map, Value as Json};
 use std::cell::OnceCell;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -28,17 +28,11 @@ pub struct Plan {
 pub struct Step {
     pub name: String,
     pub node_type: &'static NodeType,
-    /// Those that the recipe gives.
-    pub params: IndexMap<String, Param>,
+    pub params: Arc<Params>,
     /// Per port of the node type; past what is muted.
     pub inputs: Vec<Option<Wire>>,
     /// Nothing takes from it, and it writes no files.
     pub muted: bool,
-}
-
-pub enum Param {
-    Constant(Json),
-    Curve { curve: Curve, integer: bool },
 }
 
 /// Where an input's value comes from.
@@ -48,32 +42,13 @@ pub struct Wire {
     pub output: usize,
 }
 
-impl Param {
-    pub fn at(&self, frame: f64) -> Json {
-        match self {
-            Self::Constant(value) => value.clone(),
-            Self::Curve { curve, integer: false } => curve.at(frame),
-            Self::Curve { curve, integer: true } => rounded(curve.at(frame)),
-        }
-    }
-}
-
-fn rounded(value: Json) -> Json {
-    match value {
-        Json::Number(number) if number.is_f64() => Json::from(number.as_f64().expect("is_f64").round() as i64),
-        Json::Array(list) => list.into_iter().map(rounded).collect(),
-        other => other,
-    }
-}
-
 impl Step {
     /// The node with its parameters at a frame.
     ///
     /// # Errors
     /// `Compute` when a curve passes through values that the parameters do not take together.
-    pub fn node(&self, frame: f64) -> Result<Box<dyn AnyNode>> {
-        let params = self.params.iter().map(|(name, param)| (name.clone(), param.at(frame))).collect();
-        (self.node_type.parse)(params).map_err(|message| {
+    pub fn node(&self, frame: f64) -> Result<Ready> {
+        self.params.node(self.node_type, frame).map_err(|message| {
             Error::compute(format!("at frame {frame}: {message}"), "change the keys of the parameter's curve")
                 .at_node(&self.name, self.node_type.info.name)
         })
@@ -91,8 +66,17 @@ impl Plan {
     /// # Errors
     /// `Graph` with all problems, or `Usage` when only overrides of the command line are wrong.
     pub fn new(document: &Document, registry: &'static [NodeType]) -> Result<Self> {
-        let problems = document.problems.clone();
-        let mut planner = Planner { document, source: OnceCell::new(), registry, problems, overrides: Vec::new() };
+        Self::again(document, registry, &mut Checks::default())
+    }
+
+    /// `new`, for a recipe that changes: parameters of nodes that have not are not checked again. `checks` are of plans
+    /// with the same `registry`.
+    ///
+    /// # Errors
+    /// As `new`.
+    pub fn again(document: &Document, registry: &'static [NodeType], checks: &mut Checks) -> Result<Self> {
+        let (problems, overrides) = (document.problems.clone(), Vec::new());
+        let mut planner = Planner { document, source: OnceCell::new(), registry, checks, problems, overrides };
         let (mut steps, mut complete) = (Vec::new(), true);
         for (name, entry) in &document.nodes {
             match planner.step(name, entry) {
@@ -100,6 +84,7 @@ impl Plan {
                 None => complete = false,
             }
         }
+        planner.checks.keep(|node| document.nodes.contains_key(node));
         let order = planner.order();
         if !planner.problems.is_empty() {
             let mut problems = planner.problems;
@@ -176,6 +161,7 @@ struct Planner<'a> {
     /// Of the document, once something is wrong with it.
     source: OnceCell<Arc<Source>>,
     registry: &'static [NodeType],
+    checks: &'a mut Checks,
     problems: Vec<Problem>,
     /// Problems of parameters that were given on the command line.
     overrides: Vec<Problem>,
@@ -191,7 +177,7 @@ impl Planner<'_> {
         self.registry.iter().find(|node_type| node_type.info.name == name)
     }
 
-    fn step(&mut self, name: &str, entry: &NodeEntry) -> Option<Step> {
+    fn step(&mut self, name: &str, entry: &Arc<NodeEntry>) -> Option<Step> {
         let pointer = child("/nodes", name);
         let Some(node_type) = self.find_type(&entry.kind) else {
             if !entry.kind.is_empty() {
@@ -206,13 +192,32 @@ impl Planner<'_> {
         Some(Step { name: name.to_owned(), node_type, params, inputs, muted: entry.muted })
     }
 
-    fn params(&mut self, node: &str, entry: &NodeEntry, node_type: &'static NodeType) -> IndexMap<String, Param> {
-        let mut params = IndexMap::new();
+    fn params(&mut self, node: &str, entry: &Arc<NodeEntry>, node_type: &'static NodeType) -> Arc<Params> {
+        let first = self.document.frames[0];
+        if let Some(known) = self.checks.of(node, entry, first) {
+            return known;
+        }
+        let (params, mut fine) = self.read(node, entry, node_type);
+        // Each parameter may be fine, and still not go with the others.
+        if fine && let Err(message) = params.node(node_type, first as f64) {
+            let pointer = child(&child("/nodes", node), "params");
+            self.complain(&pointer, Part::Value, format!("parameters of {}: {message}", node_type.info.name), "");
+            fine = false;
+        }
+        let params = Arc::new(params);
+        if fine {
+            self.checks.note(node, entry, first, &params);
+        }
+        params
+    }
+
+    /// Each parameter by itself, and whether all are fine.
+    fn read(&mut self, node: &str, entry: &NodeEntry, node_type: &'static NodeType) -> (Params, bool) {
+        let (mut params, mut fine) = (IndexMap::new(), true);
         if entry.params.is_empty() {
-            return params;
+            return (Params::new(params), fine);
         }
         let checker = Checker::of(node_type);
-        let mut fine = true;
         for (name, value) in &entry.params {
             let Some(param) = checker.param(name) else {
                 let message = format!("{} has no parameter \"{name}\"", node_type.info.name);
@@ -233,14 +238,7 @@ impl Planner<'_> {
                 }
             }
         }
-        // Each parameter may be fine, and still not go with the others.
-        let first = self.document.frames[0] as f64;
-        let all: Map<String, Json> = params.iter().map(|(name, param)| (name.clone(), param.at(first))).collect();
-        if fine && let Err(message) = (node_type.parse)(all) {
-            let pointer = child(&child("/nodes", node), "params");
-            self.complain(&pointer, Part::Value, format!("parameters of {}: {message}", node_type.info.name), "");
-        }
-        params
+        (Params::new(params), fine)
     }
 
     fn complain_of_param(&mut self, node: &str, name: &str, part: Part, (at, message, help): Complaint) {
@@ -426,23 +424,4 @@ fn inside(pointer: &str) -> String {
         }
     }
     if path.is_empty() { path } else { format!(", at {path}") }
-}
-
-/// A curve when it is written as one, unless the parameter takes just such an object as its value.
-fn read_param(param: &ParamChecker, value: &Json) -> std::result::Result<Param, Vec<Complaint>> {
-    let Some(object) = value.as_object().filter(|_| curve::is_curve(value) && !param.accepts(value)) else {
-        let complaints = param.complaints(value);
-        return if complaints.is_empty() { Ok(Param::Constant(value.clone())) } else { Err(complaints) };
-    };
-    let curve = Curve::parse(object)?;
-    let complaints: Vec<Complaint> = curve
-        .keys()
-        .iter()
-        .enumerate()
-        .flat_map(|(index, (_, value))| {
-            let inside = move |(at, message, help)| (format!("/keys/{index}/1{at}"), message, help);
-            param.complaints(value).into_iter().map(inside)
-        })
-        .collect();
-    if complaints.is_empty() { Ok(Param::Curve { curve, integer: param.integer }) } else { Err(complaints) }
 }

@@ -187,7 +187,7 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
         .map(|wire| wire.map(|wire| found.next().expect("one for each wire")[wire.output].clone()))
         .collect();
 
-    let node = step.node(frame as f64)?;
+    let node = step.node(frame as f64)?.node;
     let memory = Memory::new(1 << 30);
     let relight = |lights: Option<Vec<Light>>, turn: u32, edited: bool| -> Result<()> {
         let inputs = Inputs {

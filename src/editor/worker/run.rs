@@ -7,7 +7,7 @@ use crate::editor::look::{Staging, is_own};
 use crate::editor::shown::{LastMask, Parts, Shown};
 use crate::editor::thumb::thumb;
 use crate::eval::{Context, Evaluator, NodeReport, Remembered};
-use crate::graph::{Document, Plan};
+use crate::graph::{Checks, Document, Plan};
 use crate::node::Key;
 use crate::params::NodeType;
 use crate::{Error, Result};
@@ -32,6 +32,7 @@ pub struct Run {
     /// Of the values that thumbs were made of.
     keys: HashMap<String, Key>,
     mask: LastMask,
+    checks: Checks,
 }
 
 impl Run {
@@ -44,6 +45,7 @@ impl Run {
             seconds: HashMap::new(),
             keys: HashMap::new(),
             mask: LastMask::default(),
+            checks: Checks::default(),
         }
     }
 
@@ -133,7 +135,7 @@ impl Run {
         staging: &Staging,
         reports: &mut Vec<NodeReport>,
     ) -> Result<Shown> {
-        let plan = Plan::new(document, self.registry)?;
+        let plan = Plan::again(document, self.registry, &mut self.checks)?;
         let mut names: Vec<String> = staging.targets().into_iter().map(|(node, _)| node.to_owned()).collect();
         names.sort();
         names.dedup();
@@ -159,8 +161,8 @@ impl Run {
     }
 
     fn thumbs(&mut self, request: &Request, staging: &Staging) {
-        let remembered = || {
-            let plan = Plan::new(&staging.document, self.registry)?;
+        let mut remembered = || {
+            let plan = Plan::again(&staging.document, self.registry, &mut self.checks)?;
             let steps: Vec<usize> = (0..plan.steps.len()).collect();
             let remembered = self.evaluator.remembered(&plan, &steps, request.frame)?;
             Ok::<_, Error>(plan.steps.into_iter().map(|step| step.name).zip(remembered).collect::<Vec<_>>())

@@ -70,7 +70,7 @@ mod tests {
             normals: Vec::new(),
             radius: 0.2 + 0.3 * unit(hash(seed + 1)),
             hardness: 0.5,
-            value: if seed % 3 == 0 { 1.0 } else { 0.7 },
+            value: if seed.is_multiple_of(3) { 1.0 } else { 0.7 },
             mode: if seed % 4 == 3 { StrokeMode::Erase } else { StrokeMode::Add },
             adaptive: false,
         };

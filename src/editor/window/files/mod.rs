@@ -47,6 +47,7 @@ pub struct Files {
     on_disk: OnDisk,
     looked: Instant,
     kept: u64,
+    kept_at: Instant,
     is_first_start: bool,
     /// The window may close without another question.
     leave: bool,
@@ -60,6 +61,9 @@ enum Next {
     PickFile,
     Quit,
 }
+
+/// How often a recipe is kept aside while the hand drags.
+const KEEP: Duration = Duration::from_secs(1);
 
 /// How often the file is looked at.
 const LOOK: Duration = Duration::from_secs(2);
@@ -100,6 +104,7 @@ impl Files {
             on_disk: OnDisk::Same,
             looked: Instant::now(),
             kept: 0,
+            kept_at: Instant::now(),
             is_first_start,
             leave: false,
         };
@@ -117,8 +122,9 @@ impl Files {
             self.waiting = Some(Next::Quit);
         }
         if let Some(keeper) = &self.keeper {
-            if self.kept != state.session.version() {
-                self.kept = state.session.version();
+            let is_due = !state.session.history().is_open() || self.kept_at.elapsed() > KEEP;
+            if self.kept != state.session.version() && is_due {
+                (self.kept, self.kept_at) = (state.session.version(), Instant::now());
                 match state.session.is_unsaved() {
                     true => keeper.keep(state.session.document(), state.session.file().map(Path::to_owned)),
                     false => keeper.forget(),
