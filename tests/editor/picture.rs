@@ -174,6 +174,26 @@ fn pictures_are_compared() {
     desk.drag(middle, aside(middle, -220.0, 0.0));
     let moved = wipe(&mut desk);
     assert_eq!(at(&moved, left), at(&other, left), "the line was drawn past it");
+    // Side by side, the same in the middle of each half.
+    let middle = at(&other, pixel(&desk, 60.4, 50.4));
+    let mut off = egui::Vec2::ZERO;
+    let halves = |desk: &Desk, off: egui::Vec2| [0.25, 0.75].map(|share| desk.within("picture", share, 0.5) + off);
+    desk.click("Split");
+    let [a, _] = halves(&desk, off);
+    // From the picture's middle to the pixel that was looked at.
+    desk.hover(a);
+    assert!(desk.probe().starts_with("48, 36"), "{}", desk.probe());
+    let pane = desk.rect("picture");
+    let zoom = (0.5 * pane.width() / 96.0).min(pane.height() / 72.0);
+    off += egui::vec2(12.4, 14.4) * zoom;
+    let [a, b] = halves(&desk, off);
+    let split = wipe(&mut desk);
+    assert_eq!(at(&split, b), middle, "B on the right");
+    assert_ne!(at(&split, a), middle, "A on the left");
+    for place in [a, b] {
+        desk.hover(place);
+        assert!(desk.probe().starts_with("60, 50"), "{}", desk.probe());
+    }
 }
 
 #[test]

@@ -75,8 +75,9 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
         Vec2::new(width as f32, height as f32)
     });
     if let (Some(size), Some(_)) = (size, &viewer.textures[0]) {
-        let mapping = Mapping::new(&viewer.view, pane, size, ui.pixels_per_point());
-        draw(viewer, &mapping, &painter);
+        let [a, b] = panes(viewer, pane).map(|pane| Mapping::new(&viewer.view, pane, size, ui.pixels_per_point()));
+        draw(viewer, [&a, &b], &painter);
+        let mapping = if is_at(&b, &a, ui) { b } else { a };
         // A hand that works on the picture does not move it.
         if !tools::ui(viewer, state, &mapping, &response, ui) {
             navigate(viewer, &mapping, &response, ui);
@@ -87,7 +88,8 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
     let at = response.hover_pos();
     let text = match (at, size) {
         (Some(at), Some(size)) => {
-            let mapping = Mapping::new(&viewer.view, pane, size, ui.pixels_per_point());
+            let [a, b] = panes(viewer, pane).map(|pane| Mapping::new(&viewer.view, pane, size, ui.pixels_per_point()));
+            let mapping = if b.pane.contains(at) { b } else { a };
             probe::text(viewer, mapping.to_picture(at))
         }
         _ => None,
@@ -99,10 +101,28 @@ pub fn ui(viewer: &mut Viewer, state: &mut State, ui: &mut Ui) {
     );
 }
 
-fn draw(viewer: &Viewer, mapping: &Mapping, painter: &egui::Painter) {
+/// What A and B are drawn in: side by side when split, with the same zoom, and the same in their middles.
+fn panes(viewer: &Viewer, pane: Rect) -> [Rect; 2] {
+    match viewer.compare {
+        Compare::Split if viewer.textures[1].is_some() => {
+            let (left, right) = pane.split_left_right_at_fraction(0.5);
+            [left, right]
+        }
+        _ => [pane; 2],
+    }
+}
+
+/// Whether the hand is at work in one of two panes; a drag stays where it began.
+fn is_at(one: &Mapping, other: &Mapping, ui: &Ui) -> bool {
+    let at = ui.input(|input| input.pointer.press_origin().or(input.pointer.hover_pos()));
+    one.pane != other.pane && at.is_some_and(|at| one.pane.contains(at))
+}
+
+fn draw(viewer: &Viewer, [left, right]: [&Mapping; 2], painter: &egui::Painter) {
     let [Some(a), b] = &viewer.textures else { return };
     let uv = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    let rect = mapping.rect();
+    let rect = left.rect();
+    let within = |clip: Rect| painter.with_clip_rect(painter.clip_rect().intersect(clip));
     let Some(b) = b else {
         painter.image(a.id(), rect, uv, Color32::WHITE);
         return;
@@ -110,23 +130,14 @@ fn draw(viewer: &Viewer, mapping: &Mapping, painter: &egui::Painter) {
     match viewer.compare {
         Compare::Other => painter.image(b.id(), rect, uv, Color32::WHITE),
         Compare::Split => {
-            let [left, right] = [0.25, 0.75].map(|at| {
-                let middle = pos2(mapping.pane.left() + at * mapping.pane.width(), mapping.pane.center().y);
-                let scale = 0.5 * (mapping.pane.width() / rect.width()).min(2.0);
-                Rect::from_center_size(middle, rect.size() * scale)
-            });
-            painter.image(a.id(), left, uv, Color32::WHITE);
-            painter.image(b.id(), right, uv, Color32::WHITE)
+            within(left.pane).image(a.id(), rect, uv, Color32::WHITE);
+            within(right.pane).image(b.id(), right.rect(), uv, Color32::WHITE);
+            painter.vline(right.pane.left(), right.pane.y_range(), Stroke::new(1.0, Color32::from_gray(90)))
         }
         Compare::Wipe(at) => {
             let x = rect.left() + at * rect.width();
             painter.image(b.id(), rect, uv, Color32::WHITE);
-            painter.with_clip_rect(painter.clip_rect().intersect(rect.with_max_x(x))).image(
-                a.id(),
-                rect,
-                uv,
-                Color32::WHITE,
-            );
+            within(rect.with_max_x(x)).image(a.id(), rect, uv, Color32::WHITE);
             painter.vline(x, rect.y_range(), Stroke::new(2.0, Color32::from_white_alpha(200)))
         }
     };
