@@ -2,12 +2,12 @@
 
 use super::latest::Latest;
 use super::recovery::Recovery;
-use crate::Error;
+use crate::Result;
 use crate::graph::Document;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-pub struct Keeper(Latest<Message, Error>);
+pub struct Keeper(Latest<Message, Result<()>>);
 
 enum Message {
     Keep(Arc<Document>, Option<PathBuf>),
@@ -17,7 +17,7 @@ enum Message {
 impl Keeper {
     pub fn new(mut recovery: Recovery) -> Self {
         let work = move |message| match message {
-            Message::Keep(document, file) => recovery.keep(&document, file.as_deref()).err(),
+            Message::Keep(document, file) => Some(recovery.keep(&document, file.as_deref())),
             Message::Forget => {
                 recovery.forget();
                 None
@@ -36,8 +36,11 @@ impl Keeper {
         self.0.ask(Message::Forget);
     }
 
-    /// What went wrong since it was last asked.
-    pub fn failed(&self) -> Option<Error> {
+    /// Whether the last recipe was kept that has been since it was last asked.
+    ///
+    /// # Errors
+    /// As `Recovery::keep`.
+    pub fn kept(&self) -> Option<Result<()>> {
         self.0.answer()
     }
 }

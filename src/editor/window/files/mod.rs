@@ -41,6 +41,8 @@ pub struct Files {
     keeper: Option<Keeper>,
     recent: Recent,
     left: Vec<Left>,
+    /// Was recovered, and is there until this window has kept it aside itself.
+    taken: Vec<Left>,
     dialog: Option<Dialog>,
     /// To be done once it is settled what becomes of what is not saved.
     waiting: Option<Next>,
@@ -99,6 +101,7 @@ impl Files {
             keeper,
             recent,
             left,
+            taken: Vec::new(),
             dialog: None,
             waiting: None,
             on_disk: OnDisk::Same,
@@ -130,8 +133,10 @@ impl Files {
                     false => keeper.forget(),
                 }
             }
-            if let Some(error) = keeper.failed() {
-                state.complain(&error);
+            match keeper.kept() {
+                Some(Ok(())) => self.taken.drain(..).for_each(Left::discard),
+                Some(Err(error)) => state.complain(&error),
+                None => {}
             }
         }
         if self.looked.elapsed() > LOOK {
@@ -214,12 +219,18 @@ impl Files {
     }
 
     fn replace(&mut self, state: &mut State, session: Session) {
-        if let Some(keeper) = &self.keeper {
-            keeper.forget();
-        }
+        self.forget();
         self.kept = session.version();
         self.on_disk = OnDisk::Same;
         *state = State::new(session);
+    }
+
+    /// What is kept aside is saved, or given up.
+    fn forget(&mut self) {
+        self.taken.drain(..).for_each(Left::discard);
+        if let Some(keeper) = &self.keeper {
+            keeper.forget();
+        }
     }
 
     /// Whether it was written.
@@ -233,9 +244,7 @@ impl Files {
                 if let Some(file) = state.session.file() {
                     let _ = self.recent.note(file);
                 }
-                if let Some(keeper) = &self.keeper {
-                    keeper.forget();
-                }
+                self.forget();
                 self.on_disk = OnDisk::Same;
                 state.tell("saved");
                 true
@@ -268,9 +277,7 @@ impl Files {
         self.disk_ui(state, ctx);
         self.left_ui(state, ctx);
         if self.leave {
-            if let Some(keeper) = &self.keeper {
-                keeper.forget();
-            }
+            self.forget();
             ctx.send_viewport_cmd(egui::ViewportCommand::Close);
         }
     }

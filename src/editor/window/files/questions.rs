@@ -69,7 +69,7 @@ impl Files {
                 if let Some(keeper) = &self.keeper {
                     keeper.keep(state.session.document(), left.file.clone());
                 }
-                left.discard();
+                self.taken.push(left);
             }
             1 => left.discard(),
             _ => {}

@@ -89,6 +89,15 @@ mod tests {
         assert!(now.distance(size * 0.5 + Vec2::new(48.0, -24.0)) < 0.5, "{now}");
         orbit.approach(2.0);
         assert!((orbit.distance - 0.5 * from.position.distance(target)).abs() < 1e-4);
+        // What is turned goes with the pointer on the side that is seen.
+        for by in [Vec2::new(0.1, 0.0), Vec2::new(0.0, 0.1)] {
+            let near = orbit.target.lerp(orbit.eye([1, 1]).position.into(), 0.2);
+            let mut turned = Orbit { ..orbit };
+            turned.turn(by);
+            let off = camera(&turned).project(near, size).unwrap().0 - 0.5 * size;
+            let along = off.dot(by) / by.length();
+            assert!(along > 5.0 && off.perp_dot(by).abs() < 0.1 * along, "{by}: {off}");
+        }
         orbit.turn(Vec2::new(0.0, 99.0));
         assert!(camera(&orbit).world_from_camera.is_finite());
     }
