@@ -369,5 +369,17 @@ mod tests {
         session.save_as(&folder.path().join("x.json")).unwrap();
         assert!(!session.is_unsaved());
         assert_eq!(session.document().base, folder.path());
+        // Elsewhere it reads the same files.
+        let read = |document: &mut Document| {
+            document.set_param("scene", "file", Some(json!("scenes/room.glb")));
+            Ok(())
+        };
+        session.change("file", None, read).unwrap();
+        let elsewhere = folder.path().join("y");
+        std::fs::create_dir(&elsewhere).unwrap();
+        session.save_as(&elsewhere.join("x.json")).unwrap();
+        assert_eq!(session.document().nodes["scene"].params["file"], json!("../scenes/room.glb"));
+        let again = Session::open(&elsewhere.join("x.json"), nodes::ALL).unwrap();
+        assert!(again.document().is_same(session.document()) && !session.is_unsaved());
     }
 }

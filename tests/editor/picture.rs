@@ -37,6 +37,17 @@ fn the_probe_tells_what_is_under_the_pointer() {
     for word in ["48, 60", "P ", "N ", "R "] {
         assert!(desk.sees(word), "{word}");
     }
+    // The numbers are those of the pixel.
+    let picture = desk.picture();
+    let [colour, position] = ["", "P"].map(|layer| {
+        let layer = picture.layer(layer).unwrap();
+        let pixel = layer.channels.len() * (60 * picture.width + 48);
+        layer.data[pixel..][..3].to_vec()
+    });
+    let colour = format!("R {:.4}  G {:.4}  B {:.4}", colour[0], colour[1], colour[2]);
+    let position = format!("P {:.3} {:.3} {:.3} m", position[0], position[1], position[2]);
+    let probe = desk.probe();
+    assert!(probe.contains(&colour) && probe.contains(&position), "{probe}, expected {colour}, {position}");
     let named = ["floor", "block", "wall"].iter().any(|name| desk.sees(name));
     assert!(named, "the object is named");
 }
