@@ -169,3 +169,37 @@ fn factors(ratio: &Ratio) -> Image {
     let layers = vec![Layer::new("", &["R", "G", "B", "A"], Content::Colour, data)];
     Image { width: ratio.width, height: ratio.height, layers, metadata: Vec::new() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::Device;
+    use crate::scene::{Camera, builtin};
+    use crate::transport::selection::{Stroke, StrokeMode};
+
+    /// Whatever was shown before: another stroke, or another view of as many pixels.
+    #[test]
+    fn a_mask_follows_from_the_last_one() {
+        let geometry = builtin::scene("room").unwrap().geometry;
+        let view = |x: f32| {
+            let camera = Camera::look_at("", Vec3::new(x, 1.0, 0.9), Vec3::ZERO, 1.0);
+            Arc::new(Samples::view(&Device::Cpu, &geometry, &camera, (64, 48), 4).unwrap())
+        };
+        let (left, right) = (view(-0.3), view(0.3));
+        let painted = |points: usize| {
+            let points = (0..points).map(|i| [0.1 * i as f32 - 0.3, 0.0, 0.0]).collect();
+            let (normals, mode) = (Vec::new(), StrokeMode::Add);
+            let stroke = Stroke { points, normals, radius: 0.2, hardness: 0.5, value: 1.0, mode, adaptive: false };
+            Arc::new(Selection::painted(geometry.clone(), &[stroke], |_| unreachable!("it is not")).unwrap().0)
+        };
+        let mut last = LastMask::default();
+        for (samples, points) in [(&left, 1), (&left, 2), (&right, 2), (&right, 4), (&left, 3)] {
+            let selection = painted(points);
+            let mask = last.follow(samples, &selection);
+            let weights = selection.weights(&samples.points);
+            let mean = |pixel: usize| weights[4 * pixel..4 * pixel + 4].iter().sum::<f32>() / 4.0;
+            assert_eq!(mask, (0..64 * 48).map(mean).collect::<Vec<_>>(), "{points} points");
+            assert!(mask.iter().any(|weight| *weight > 0.0));
+        }
+    }
+}
