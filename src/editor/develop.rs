@@ -78,21 +78,35 @@ fn pixels(image: &Image, settings: &Settings) -> Pixels {
 }
 
 /// Develops on a thread of its own; the newest wins.
-pub struct Developer(Latest<(Shown, Settings), Developed>);
+pub struct Developer {
+    thread: Latest<(u64, Shown, Settings), (u64, Developed)>,
+    /// Numbers of what was asked for last, and of what came back last.
+    asked: u64,
+    done: u64,
+}
 
 impl Developer {
     /// `wake` is called when there is something developed.
     pub fn new(wake: impl Fn() + Send + 'static) -> Self {
-        Self(Latest::new("developing", |(shown, settings)| Some(develop(&shown, &settings)), wake))
+        let work = |(number, shown, settings)| Some((number, develop(&shown, &settings)));
+        Self { thread: Latest::new("developing", work, wake), asked: 0, done: 0 }
     }
 
-    pub fn develop(&self, shown: &Shown, settings: &Settings) {
-        self.0.ask((shown.clone(), settings.clone()));
+    pub fn develop(&mut self, shown: &Shown, settings: &Settings) {
+        self.asked += 1;
+        self.thread.ask((self.asked, shown.clone(), settings.clone()));
     }
 
     /// The newest that is developed since it was last asked.
-    pub fn developed(&self) -> Option<Developed> {
-        self.0.answer()
+    pub fn developed(&mut self) -> Option<Developed> {
+        let (number, developed) = self.thread.answer()?;
+        self.done = number;
+        Some(developed)
+    }
+
+    /// All has come back that was asked for.
+    pub fn is_idle(&self) -> bool {
+        self.done == self.asked
     }
 }
 
@@ -128,7 +142,7 @@ mod tests {
 
     #[test]
     fn the_newest_is_developed_in_the_end() {
-        let developer = Developer::new(|| {});
+        let mut developer = Developer::new(|| {});
         for stops in 0..50 {
             let display = Display { exposure: -(stops as f32), ..Display::default() };
             developer.develop(&shown(None), &Settings { display, ..Settings::default() });
@@ -139,5 +153,6 @@ mod tests {
             last = developer.developed().or(last);
             std::thread::yield_now();
         }
+        assert!(developer.is_idle());
     }
 }

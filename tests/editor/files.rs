@@ -155,25 +155,26 @@ fn a_lost_window_loses_nothing() {
     assert!(desk.document().nodes.contains_key("edit2") && desk.state().session.is_unsaved());
     assert_eq!(desk.state().session.file(), Some(desk.file().as_path()));
     // It is left once again, by this window.
-    let kept = |desk: &Desk| {
+    let kept = |desk: &Desk| -> Vec<String> {
         let files = std::fs::read_dir(desk.folder.path().join("editor/recovery")).unwrap();
-        files.filter(|file| file.as_ref().unwrap().path().extension().is_some_and(|end| end == "recovery")).count()
+        let names = files.map(|file| file.unwrap().file_name().into_string().unwrap());
+        names.filter(|name| name.ends_with(".recovery")).collect()
     };
-    let wait_for = |desk: &mut Desk, count: usize| {
+    let wait_for = |desk: &mut Desk, expected: &[&str]| {
         let start = std::time::Instant::now();
-        while kept(desk) != count {
-            assert!(start.elapsed().as_secs() < 20, "{} are kept, expected {count}", kept(desk));
+        while kept(desk) != expected {
+            assert!(start.elapsed().as_secs() < 20, "{:?} are kept, expected {expected:?}", kept(desk));
             desk.frames(1);
         }
     };
-    wait_for(&mut desk, 1);
+    wait_for(&mut desk, &["2.recovery"]);
     let Desk { harness, folder } = desk;
     drop(harness);
     let mut desk = Desk::open(folder, None);
     desk.click("Recover it");
     assert!(desk.document().nodes.contains_key("edit2"));
     desk.key(Modifiers::COMMAND, Key::S);
-    wait_for(&mut desk, 0);
+    wait_for(&mut desk, &[]);
 }
 
 #[test]

@@ -128,9 +128,7 @@ fn layers_exposure_and_false_colour_change_what_is_shown() {
     }
     let mut desk = room();
     let shot = |desk: &mut Desk| {
-        desk.frames(3);
-        std::thread::sleep(std::time::Duration::from_millis(60));
-        desk.frames(3);
+        desk.settle();
         let at = pixel(desk, 20.5, 40.5);
         desk.harness.remove_cursor();
         desk.frames(1);
@@ -143,6 +141,23 @@ fn layers_exposure_and_false_colour_change_what_is_shown() {
     assert!(dark[0] < plain[0] / 2, "{plain:?} {dark:?}");
     desk.fill("exposure", "0");
     assert_eq!(shot(&mut desk), plain);
+    desk.fill("gamma", "2");
+    assert!(shot(&mut desk)[0] > plain[0] && plain[0] > 0);
+    desk.fill("gamma", "1");
+    // Brighter, where a tone curve bends.
+    desk.fill("exposure", "2");
+    let bright = shot(&mut desk);
+    for (list, entry, back) in [("view transform", "Reinhard", "sRGB"), ("channel", "luminance", "all")] {
+        desk.click(list);
+        desk.click(entry);
+        let [r, g, b, _] = shot(&mut desk);
+        assert!([r, g, b] != bright[..3], "{entry}: {bright:?} and {r} {g} {b}");
+        assert_eq!(r == g && g == b, entry == "luminance", "{r} {g} {b}");
+        desk.click(list);
+        desk.click(back);
+        assert_eq!(shot(&mut desk), bright);
+    }
+    desk.fill("exposure", "0");
     desk.click("False colour");
     assert_ne!(shot(&mut desk), plain);
     desk.click("False colour");
@@ -164,8 +179,6 @@ fn pictures_are_compared() {
     desk.click("node edit");
     desk.fill("brightness", "8");
     desk.settle();
-    std::thread::sleep(std::time::Duration::from_millis(60));
-    desk.frames(3);
     let shown = desk.state().last.as_ref().unwrap();
     assert_ne!(shown.picture.layers[0].data[..], [0.0; 0][..]);
     // A left of the line, B right of it.

@@ -128,6 +128,18 @@ impl Screen {
     }
 
     /// Until the screen has not changed for a second.
+    /// At rest, once a part of it is no longer as it was.
+    fn changed(&mut self, before: &image::RgbImage, rect: egui::Rect, why: &str) -> image::RgbImage {
+        let start = Instant::now();
+        loop {
+            let now = self.settled();
+            if part(&now, rect) != part(before, rect) {
+                return now;
+            }
+            assert!(start.elapsed() < Duration::from_secs(60), "{why}");
+        }
+    }
+
     fn settled(&mut self) -> image::RgbImage {
         let (start, mut since, mut last) = (Instant::now(), Instant::now(), self.picture());
         while since.elapsed() < Duration::from_millis(1200) {
@@ -230,21 +242,18 @@ fn from_opening_to_saving_in_a_real_window() {
     screen.key("Return");
     map.fill("brightness", "40");
     map.settle();
-    let bright = screen.settled();
     let view = pane.shrink(8.0);
-    assert_ne!(part(&opened, view), part(&bright, view), "the picture has changed");
+    let bright = screen.changed(&opened, view, "the picture has not changed");
     // and painted where it is.
     screen.click(map.at("Brush"));
     map.click("Brush");
     let (from, to) = (pane.center() + egui::vec2(-20.0, 150.0), pane.center() + egui::vec2(60.0, 150.0));
     screen.drag(from, to);
-    let painted = screen.settled();
-    assert_ne!(part(&bright, view), part(&painted, view), "paint has changed it");
+    let painted = screen.changed(&bright, view, "paint has not changed it");
     screen.key("ctrl+z");
-    let undone = screen.settled();
+    let undone = screen.changed(&painted, view, "it is not undone");
     screen.key("ctrl+shift+z");
-    screen.settled();
-    assert_ne!(part(&undone, view), part(&painted, view));
+    screen.changed(&undone, view, "it is not done again");
     // Pixels as they are, without the tint of the selection.
     screen.click(map.at("Point"));
     map.click("Point");
@@ -254,11 +263,17 @@ fn from_opening_to_saving_in_a_real_window() {
     screen.go(pane.center());
     screen.tool(&["click", "--repeat", "2", "--delay", "80", "1"]);
     screen.go(pane.left_top() + egui::vec2(4.0, 4.0));
-    let shown = screen.settled();
+    screen.settled();
     screen.key("ctrl+s");
-    std::thread::sleep(Duration::from_millis(500));
-
-    let saved = chiaro::graph::load(&file).unwrap();
+    let start = Instant::now();
+    let saved = loop {
+        let saved = chiaro::graph::load(&file).unwrap();
+        if saved.nodes.contains_key("paint") {
+            break saved;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "it is not saved");
+        std::thread::sleep(Duration::from_millis(100));
+    };
     assert_eq!(saved.nodes["lit"].inputs["edits"], "caster_receiver");
     assert_eq!(saved.nodes["caster_receiver"].params["brightness"], 40.0);
     assert!(saved.nodes["paint"].params["strokes"][0]["points"].as_array().unwrap().len() > 2);
@@ -271,8 +286,16 @@ fn from_opening_to_saving_in_a_real_window() {
     assert!(status.success());
     let rendered = as_shown(&folder.path().join("out.exr"));
     let corner = pane.center() - egui::vec2(160.0, 120.0);
-    let off = difference(&shown, corner, &rendered);
-    assert!(off < 0.002, "{:.2} % of the viewer's pixels are not those of the rendered file", 100.0 * off);
+    // What is shown may be coarse for as long as the machine is busy.
+    let shown = loop {
+        let shown = screen.settled();
+        let off = difference(&shown, corner, &rendered);
+        if off < 0.002 {
+            break shown;
+        }
+        let share = 100.0 * off;
+        assert!(start.elapsed() < Duration::from_secs(120), "{share:.2} % of the viewer's pixels are not the file's");
+    };
     // The comparison can tell: without the edit it is another picture.
     let other = folder.path().join("plain.json");
     std::fs::write(&other, RECIPE).unwrap();

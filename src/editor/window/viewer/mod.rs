@@ -145,7 +145,7 @@ impl Viewer {
 
     /// All is shown that was asked for.
     pub fn is_idle(&self, state: &State) -> bool {
-        self.has_asked(state) && self.request == self.done
+        self.has_asked(state) && self.request == self.done && self.developer.is_idle()
     }
 
     /// Something is shown of what was asked for last.
@@ -222,7 +222,7 @@ impl Viewer {
     }
 
     /// Shows what is there in another way.
-    fn develop(&self) {
+    fn develop(&mut self) {
         if let Some(shown) = &self.shown {
             self.developer.develop(shown, &self.settings);
         }
