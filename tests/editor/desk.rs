@@ -102,7 +102,7 @@ impl Desk {
     pub fn settle(&mut self) {
         let start = Instant::now();
         self.frames(4);
-        while !self.harness.state().is_idle() {
+        while !self.harness.state().is_at_rest() {
             assert!(start.elapsed() < Duration::from_secs(120), "the editor does not come to rest");
             std::thread::sleep(Duration::from_millis(4));
             self.frames(1);

@@ -111,6 +111,15 @@ impl Window {
         })
     }
 
+    /// Idle, and nodes show what they are to show: nothing moves any more.
+    pub fn is_at_rest(&self) -> bool {
+        let is_behind = |tile: &egui_tiles::Tile<Pane>| match tile {
+            egui_tiles::Tile::Pane(Pane::Viewer(viewer)) => viewer.is_behind(),
+            _ => false,
+        };
+        self.is_idle() && !self.panes.tiles.tiles().any(is_behind)
+    }
+
     /// One frame.
     pub fn ui(&mut self, ui: &mut egui::Ui) {
         let ctx = ui.ctx().clone();

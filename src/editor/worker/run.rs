@@ -167,8 +167,8 @@ impl Run {
             let remembered = self.evaluator.remembered(&plan, &steps, request.frame)?;
             Ok::<_, Error>(plan.steps.into_iter().map(|step| step.name).zip(remembered).collect::<Vec<_>>())
         };
-        let Ok(remembered) = remembered() else { return };
         let mut thumbs = Vec::new();
+        let remembered = remembered().unwrap_or_default();
         for (node, found) in remembered {
             let Some(Remembered { key, values }) = found.filter(|_| !is_own(&request.document, &node)) else {
                 continue;
@@ -177,9 +177,7 @@ impl Run {
                 thumbs.push((node, values.first().and_then(thumb)));
             }
         }
-        if !thumbs.is_empty() {
-            self.told.tell(Event::Thumbs { thumbs });
-        }
+        self.told.tell(Event::Thumbs { thumbs });
     }
 }
 

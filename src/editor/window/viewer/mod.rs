@@ -60,6 +60,8 @@ pub struct Viewer {
     done: u64,
     /// The newest request that something is shown of.
     pictured: u64,
+    /// Small pictures of nodes are to come.
+    is_behind: bool,
     shown: Option<Shown>,
     textures: [Option<TextureHandle>; 2],
     /// Pixels of the picture to one of the texture.
@@ -94,6 +96,7 @@ impl Viewer {
             request: 0,
             done: 0,
             pictured: 0,
+            is_behind: false,
             shown: None,
             textures: [None, None],
             step: 1,
@@ -141,11 +144,17 @@ impl Viewer {
     pub fn restart(&mut self, ctx: &Context, engine: &Engine) {
         self.worker = worker(ctx, engine);
         (self.asked, self.lost, self.request, self.done, self.pictured) = (None, false, 0, 0, 0);
+        self.is_behind = false;
     }
 
     /// All is shown that was asked for.
     pub fn is_idle(&self, state: &State) -> bool {
         self.has_asked(state) && self.request == self.done && self.developer.is_idle()
+    }
+
+    /// Small pictures of nodes are to come.
+    pub fn is_behind(&self) -> bool {
+        self.is_behind
     }
 
     /// Something is shown of what was asked for last.
@@ -177,7 +186,9 @@ impl Viewer {
         let events: Vec<Event> = self.worker.events().collect();
         for event in events {
             state.hear(&event, ctx);
+            self.is_behind &= !matches!(event, Event::Thumbs { .. });
             if let Event::Finished { id, level, result, .. } = event {
+                self.is_behind |= level == Level::Full && result.is_ok();
                 if level == Level::Full {
                     self.done = self.done.max(id);
                 }
