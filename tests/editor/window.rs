@@ -212,7 +212,10 @@ fn from_opening_to_saving_in_a_real_window() {
     let pane = map.rect("picture");
 
     let mut screen = Screen::open(&file);
-    screen.settled();
+    let start = Instant::now();
+    while screen.settled().pixels().all(|pixel| pixel.0 == [0; 3]) {
+        assert!(start.elapsed() < Duration::from_secs(120), "no window opens");
+    }
     screen.tool(&["search", "--sync", "--name", "chiaro", "windowfocus"]);
     screen.click(skip);
     let opened = screen.settled();
