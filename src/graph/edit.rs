@@ -154,7 +154,9 @@ impl Document {
             let help = "take one of the wires between them out first";
             return Err(Error::usage(format!("\"{node}\" would feed itself through \"{source}\""), help));
         }
-        Arc::make_mut(&mut self.nodes[node]).inputs.insert(port.to_owned(), from.to_owned());
+        if let Some(entry) = self.entry_mut(node) {
+            entry.inputs.insert(port.to_owned(), from.to_owned());
+        }
         Ok(())
     }
 

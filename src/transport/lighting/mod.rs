@@ -84,14 +84,12 @@ impl Stage<'_> {
         let key = Key::of(&[b"weights", what, &self.place.0, &selection.digest()]);
         let last = Key::of(&[b"weights", what, &self.place.0, b"last"]);
         let bytes = |weights: &Array<f32>| 4 * weights.len() as u64;
-        if let Some(found) = self.memo.get(key).and_then(|any| any.downcast::<Array<f32>>().ok()) {
-            return Ok(found);
-        }
-        let before = self.memo.get(last).and_then(|any| any.downcast::<Weighed>().ok());
-        let weighed = Weighed::new(selection, points, before.as_deref());
-        let weights = weighed.weights.clone();
-        self.memo.put(key, weights.clone(), bytes(&weights));
-        self.memo.put(last, Arc::new(weighed), bytes(&weights));
-        Ok(weights)
+        self.memo.remember(key, bytes, || {
+            let before = self.memo.get(last).and_then(|any| any.downcast::<Weighed>().ok());
+            let weighed = Weighed::new(selection, points, before.as_deref());
+            let weights = weighed.weights.clone();
+            self.memo.put(last, Arc::new(weighed), bytes(&weights));
+            Ok(weights)
+        })
     }
 }

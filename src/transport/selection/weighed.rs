@@ -12,7 +12,7 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct Weighed {
     selection: Arc<Selection>,
-    pub weights: Arc<Array<f32>>,
+    pub weights: Array<f32>,
 }
 
 impl Weighed {
@@ -24,7 +24,7 @@ impl Weighed {
             Some((known, apart)) => renewed(selection, points, known, &apart),
             None => selection.weights(points),
         };
-        Self { selection: selection.clone(), weights: Arc::new(weights.into()) }
+        Self { selection: selection.clone(), weights: weights.into() }
     }
 }
 
