@@ -119,7 +119,7 @@ fn picture(shown: &Shown, width: usize) -> Image {
     let mut layers = vec![layer("", &["R", "G", "B"], Content::Colour, 0)];
     layers.extend(shown.lamp.map(|_| layer("light", &["Y"], Content::Data, 3)));
     layers.extend(shown.seen.map(|_| layer("seen", &["R", "G", "B"], Content::Data, 4)));
-    Image { width, height, layers, metadata: Vec::new() }
+    Image { width, height, layers, ..Image::default() }
 }
 
 #[cfg(test)]

@@ -50,6 +50,6 @@ impl Node for Integrate {
         job.note("edits", visibility.edits.len());
         let layers = stage.layers(job.progress)?;
         let (width, height) = (samples.width, samples.height);
-        Ok(vec![Value::Image(Arc::new(Image { width, height, layers, metadata: vec![] }))])
+        Ok(vec![Value::Image(Arc::new(Image { width, height, layers, ..Image::default() }))])
     }
 }

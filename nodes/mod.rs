@@ -5,6 +5,7 @@ pub mod blur_shadow;
 pub mod camera;
 pub mod caster_receiver;
 pub mod compare;
+pub mod cryptomatte;
 pub mod directionality;
 pub mod environment;
 pub mod environment_image;
@@ -16,13 +17,17 @@ pub mod integrate;
 pub mod light;
 pub mod localize_light;
 pub mod material;
+pub mod matte;
 pub mod merge;
 pub mod paint;
 pub mod pick;
+pub mod plate_samples;
 pub mod ratio_blur;
 pub mod ratio_grade;
+pub mod ratio_image;
 pub mod ratio_lattice;
 pub mod ratio_pattern;
+pub mod ratio_to_plate;
 pub mod ratio_transform;
 pub mod read_edits;
 pub mod read_image;
@@ -58,11 +63,13 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<environment::Environment>(),
     NodeType::of::<environment_image::EnvironmentImage>(),
     NodeType::of::<view_samples::ViewSamples>(),
+    NodeType::of::<plate_samples::PlateSamples>(),
     NodeType::of::<texel_samples::TexelSamples>(),
     NodeType::of::<view_texels::ViewTexels>(),
     NodeType::of::<transfer::Transfer>(),
     NodeType::of::<pick::Pick>(),
     NodeType::of::<paint::Paint>(),
+    NodeType::of::<matte::Matte>(),
     NodeType::of::<select::Select>(),
     NodeType::of::<caster_receiver::CasterReceiver>(),
     NodeType::of::<source_brush::SourceBrush>(),
@@ -91,8 +98,11 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<ratio_grade::RatioGrade>(),
     NodeType::of::<ratio_pattern::RatioPattern>(),
     NodeType::of::<synthesize_shadow::SynthesizeShadow>(),
+    NodeType::of::<ratio_image::RatioImage>(),
+    NodeType::of::<ratio_to_plate::RatioToPlate>(),
     NodeType::of::<antialias::Antialias>(),
     NodeType::of::<read_image::ReadImage>(),
+    NodeType::of::<cryptomatte::Cryptomatte>(),
     NodeType::of::<write_image::WriteImage>(),
     NodeType::of::<merge::Merge>(),
     NodeType::of::<grade::Grade>(),

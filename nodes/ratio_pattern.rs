@@ -1,6 +1,5 @@
 //! Cuts a pattern out of a shadow (thesis figures 6.1 and 6.11).
 
-use super::visibility_ratio::colours;
 use crate::image::Image;
 use crate::node::{Facet, Info, Inputs, Job, Node, Port};
 use crate::transport::shadow::ratio::pattern::{Laid, Pattern, Shape as Mask, Tiles};
@@ -129,7 +128,7 @@ fn tiles(image: &Image, job: &Job) -> Result<Tiles> {
         _ => image.find("").map_err(|e| Error::compute(format!("pattern: {}", e.message), e.help))?,
     };
     let stride = layer.channels.len();
-    let at = if stride == 1 { [0; 3] } else { colours(layer)? };
+    let at = if stride == 1 { [0; 3] } else { layer.need_rgb()? };
     let mut bad = 0;
     let mut texel = |pixel: &[f32]| {
         let rgb = at.map(|channel| pixel[channel]);

@@ -1,9 +1,10 @@
 //! Reads a picture: a renderer's plate, a matte, a texture.
 
-use crate::Result;
-use crate::image::load;
+use crate::image::not_finite::{self, NotFinite};
+use crate::image::{ColourSpace, load};
 use crate::node::{Info, Inputs, Job, Node, Port, frame_path};
 use crate::value::{Kind, Value};
+use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -17,6 +18,10 @@ pub struct ReadImage {
     /// Read only this layer, which becomes the beauty; leading parts may be left out (`Diffuse Color` for
     /// `ViewLayer.Diffuse Color`). Empty: all layers, under their own names.
     pub layer: String,
+    /// What its colours are. Absent: as the file's header says, linear Rec.709 where it says nothing.
+    pub colour_space: Option<ColourSpace>,
+    /// What becomes of values that are NaN or infinite.
+    pub not_finite: NotFinite,
 }
 
 impl Node for ReadImage {
@@ -44,17 +49,16 @@ impl Node for ReadImage {
         if !self.layer.is_empty() {
             image.layers[0].name = String::new();
         }
-        let not_finite = |layer: &crate::image::Layer| layer.data.iter().filter(|value| !value.is_finite()).count();
-        for (layer, count) in
-            image.layers.iter().map(|layer| (layer, not_finite(layer))).filter(|(_, count)| *count > 0)
-        {
-            let (path, layer) = (path.display(), layer.title());
-            job.warn(format!("{path}: layer \"{layer}\": {count} values are NaN or infinite"));
-            job.note(&format!("not finite in {layer}"), count);
+        image.colour_space = self.colour_space.unwrap_or(image.colour_space);
+        let found = self.not_finite.apply(&mut image).map_err(|found| Error::file(&path, found, not_finite::HELP))?;
+        for found in found {
+            job.note(&format!("not finite in {}", found.layer), found.count);
+            job.warn(format!("{}: {found}", path.display()));
         }
         let names: Vec<&str> = image.layers.iter().map(|layer| layer.title()).collect();
         job.note("layers", names);
         job.note("size", vec![image.width, image.height]);
+        job.note("colour_space", image.colour_space.id());
         Ok(vec![Value::Image(Arc::new(image))])
     }
 }

@@ -78,7 +78,7 @@ impl Node for Relight {
         let fixed = job.memo(key, bytes, || Ok(surface_layers(samples, &reflectance)))?;
         let layers = shading.layers().into_iter().chain(fixed.iter().cloned()).collect();
         let (width, height) = (samples.width, samples.height);
-        Ok(vec![Value::Image(Arc::new(Image { width, height, layers, metadata: vec![] }))])
+        Ok(vec![Value::Image(Arc::new(Image { width, height, layers, ..Image::default() }))])
     }
 }
 

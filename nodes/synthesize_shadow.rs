@@ -1,24 +1,25 @@
 //! A new shadow in a picture without one (thesis 6.7.4, eq. 6.2).
 
-use super::visibility_ratio::colours;
-use crate::image::Layer;
+use crate::image::components::{self, Part};
+use crate::image::{Image, Layer};
 use crate::node::{Info, Inputs, Job, Node, Port};
+use crate::transport::plate::change::carry;
 use crate::transport::shadow::ratio::quotient::multiply;
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// `c = removed x ratio` for each pixel and channel. Where a picture has beauty and `direct`, `direct` is multiplied and
-/// the beauty changes by as much, so that direct and indirect light still add up to it. Where the ratio is 1 no bit
-/// changes; alpha never does.
+/// `c = removed x ratio` for each pixel and channel, or `c = image / original x ratio` for a picture that still has the
+/// shadow. Where a picture has beauty and direct light (by the names that renderers give it), direct light is
+/// multiplied and the beauty changes by as much, so that direct and indirect light still add up to it. Where the ratio
+/// is 1 no bit changes; alpha never does.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SynthesizeShadow {
-    /// Layers to multiply, `beauty` for the beauty. Empty: the beauty and `direct`. A beauty that is named without
-    /// `direct` is multiplied as a whole.
+    /// Layers to multiply, `beauty` for the beauty. Empty: direct light, and the beauty with it. A beauty that is named
+    /// without direct light is multiplied as a whole.
     pub layers: Vec<String>,
 }
 
@@ -26,10 +27,12 @@ impl Node for SynthesizeShadow {
     const INFO: Info = Info {
         name: "synthesize_shadow",
         category: "shadows",
+        version: 2,
         summary: "Multiplies a picture without a shadow, or a plate, by a ratio",
         inputs: &[
             Port::new("image", Kind::Image, "The picture without the shadow, or a plate"),
             Port::new("ratio", Kind::Ratio, "The shadow to put in"),
+            Port::new("original", Kind::Ratio, "The shadow that the picture still has, to take out").optional(),
         ],
         outputs: &[Port::new("image", Kind::Image, "The picture with the shadow; other layers as they were")],
         ..Info::NEW
@@ -38,36 +41,30 @@ impl Node for SynthesizeShadow {
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let (image, ratio) = (inputs.need_image("image")?, inputs.need_ratio("ratio")?);
         ratio.check("the picture", image.width, image.height)?;
-        let place = |layer: &Layer| image.layers.iter().position(|other| std::ptr::eq(other, layer)).expect("its own");
-        let mut chosen = Vec::new();
-        for name in &self.layers {
-            chosen.push(place(image.find(name).map_err(|e| Error::compute(e.message, e.help))?));
+        let original = inputs.ratio("original");
+        if let Some(original) = original {
+            original.check("the picture", image.width, image.height)?;
         }
-        if self.layers.is_empty() {
-            let beauty = image.find("").ok();
-            chosen.extend(beauty.into_iter().chain(image.layer("direct")).map(place));
-        }
-        chosen.dedup();
-        if chosen.is_empty() {
-            let names = image.layers.iter().map(Layer::title).collect::<Vec<_>>().join(", ");
-            return Err(Error::compute(format!("no beauty and no layer direct; found {names}"), "name the layers"));
-        }
-        let direct = image.layer("direct").map(place).filter(|at| chosen.contains(at));
-        let beauty = image.find("").ok().map(place).filter(|at| chosen.contains(at) && direct.is_some());
+        let direct = components::known(image).into_iter().find(|known| known.light == Part::Direct);
+        let chosen = self.chosen(image, direct.map(|direct| direct.layer))?;
+        let direct = direct.filter(|direct| chosen.contains(&direct.layer));
+        let beauty = image.place("").ok().filter(|at| chosen.contains(at) && direct.is_some());
 
-        let mut shaded = (**image).clone();
+        let mut shaded: Image = (**image).clone();
         let (mut not_finite, mut limited) = (0, 0);
         for &at in chosen.iter().filter(|at| Some(**at) != beauty) {
             let layer = &image.layers[at];
-            let (data, met) = multiply(layer, colours(layer)?, ratio);
+            let (data, met) = multiply(layer, layer.need_rgb()?, ratio, original.map(|original| &**original));
             shaded.layers[at] = layer.with_data(data);
             not_finite = met.not_finite.max(not_finite);
             limited += met.limited;
         }
         if let (Some(beauty), Some(direct)) = (beauty, direct) {
-            let before = &image.layers[beauty];
-            shaded.layers[beauty] = add_change(before, &image.layers[direct], &shaded.layers[direct])?;
+            let (before, after) = (&image.layers[direct.layer], &shaded.layers[direct.layer]);
+            let colour = direct.colour.map(|at| &image.layers[at]);
+            shaded.layers[beauty] = carry(&image.layers[beauty], before, after, colour)?;
         }
+        job.note("layers", chosen.iter().map(|at| image.layers[*at].title()).collect::<Vec<_>>());
         if not_finite > 0 {
             job.note("not_finite", not_finite);
             job.warn(format!("{not_finite} pixels hold NaN or infinity; they stay as they are"));
@@ -79,21 +76,21 @@ impl Node for SynthesizeShadow {
     }
 }
 
-/// `beauty + (after - before)` in red, green and blue.
-fn add_change(beauty: &Layer, before: &Layer, after: &Layer) -> Result<Layer> {
-    let (own, other) = (colours(beauty)?, colours(before)?);
-    let (stride, step) = (beauty.channels.len(), before.channels.len());
-    let mut data = beauty.data.to_vec();
-    data.par_chunks_mut(stride * 4096).enumerate().for_each(|(block, pixels)| {
-        for (i, pixel) in pixels.chunks_exact_mut(stride).enumerate() {
-            let first = (block * 4096 + i) * step;
-            for (own, other) in own.iter().zip(other) {
-                let (old, new) = (before.data[first + other], after.data[first + other]);
-                if old != new && old.is_finite() {
-                    pixel[*own] = (pixel[*own] - old + new).clamp(-f32::MAX, f32::MAX);
-                }
-            }
+impl SynthesizeShadow {
+    /// Numbers of the layers that change.
+    fn chosen(&self, image: &Image, direct: Option<usize>) -> Result<Vec<usize>> {
+        let mut chosen = Vec::new();
+        for name in &self.layers {
+            chosen.push(image.place(name).map_err(|e| Error::compute(e.message, e.help))?);
         }
-    });
-    Ok(beauty.with_data(data))
+        if self.layers.is_empty() {
+            chosen.extend(image.place("").ok().into_iter().chain(direct));
+        }
+        chosen.dedup();
+        if chosen.is_empty() {
+            let names = image.layers.iter().map(Layer::title).collect::<Vec<_>>().join(", ");
+            return Err(Error::compute(format!("no beauty and no direct light; found {names}"), "name the layers"));
+        }
+        Ok(chosen)
+    }
 }

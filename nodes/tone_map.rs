@@ -67,10 +67,7 @@ impl Node for ToneMap {
 
 impl ToneMap {
     fn apply(&self, layer: &Layer, job: &Job, not_finite: &mut usize) -> Result<Layer> {
-        let Some(rgb) = layer.rgb() else {
-            let message = format!("layer \"{}\" has {}, not R G B", layer.title(), layer.channels.join(" "));
-            return Err(Error::compute(message, "tone-map colour layers"));
-        };
+        let rgb = layer.need_rgb()?;
         let stride = layer.channels.len();
         let pixels: Vec<[f32; 4]> =
             layer.data.chunks_exact(stride).map(|pixel| [pixel[rgb[0]], pixel[rgb[1]], pixel[rgb[2]], 0.0]).collect();
@@ -100,7 +97,7 @@ mod tests {
             Layer::new("indirect", &["B", "G", "R"], Content::Colour, vec![0.0, 0.0, 1.0, 0.0, 0.0, 0.0]),
             Layer::new("Z", &["Z"], Content::Data, vec![7.0, 8.0]),
         ];
-        let image = Value::Image(Arc::new(Image { width: 2, height: 1, layers, metadata: vec![] }));
+        let image = Value::Image(Arc::new(Image { width: 2, height: 1, layers, ..Image::default() }));
         let inputs = Inputs { info: &ToneMap::INFO, values: vec![Some((image, [Key::of(&[]); 4]))] };
         let notes = Mutex::default();
         let job = Job {

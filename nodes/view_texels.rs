@@ -55,6 +55,6 @@ impl Node for ViewTexels {
             job.note("samples_without_texel", missed);
         }
         let (width, height) = (view.width, view.height);
-        Ok(vec![Value::Image(Arc::new(Image { width, height, layers, metadata: image.metadata.clone() }))])
+        Ok(vec![Value::Image(Arc::new(Image { width, height, layers, ..(**image).clone() }))])
     }
 }

@@ -1,10 +1,12 @@
 //! Writes a picture: layered EXR, or one layer as PNG.
 
-use crate::image::exr_write::{self, Depth};
-use crate::image::{Image, load, png};
+use crate::image::exr_write::{self, Compression, Depth, Encoding};
+use crate::image::not_finite::{self, NotFinite};
+use crate::image::{ColourSpace, Image, load, png};
 use crate::node::{Info, Inputs, Job, Node, Port, frame_path};
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
+use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -18,6 +20,16 @@ pub enum Format {
     Png,
 }
 
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Names {
+    /// Letters, digits and underscores; `ViewLayer.Diffuse Direct` is `Diffuse_Direct`, the beauty is `R G B A`.
+    #[default]
+    Plain,
+    /// As they were read.
+    AsRead,
+}
+
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct WriteImage {
@@ -27,8 +39,18 @@ pub struct WriteImage {
     pub layers: Vec<String>,
     /// By the file's extension when absent.
     pub format: Option<Format>,
-    /// How EXR stores colour; data such as positions and depth is always float.
+    /// How EXR stores colour; data such as positions and depth is float.
     pub depth: Depth,
+    /// Depth of single layers, by patterns of their names as written: `{ "indirect": "float", "ratio_*": "half" }`.
+    pub layer_depth: IndexMap<String, Depth>,
+    /// How EXR packs pixels; all ways keep every bit.
+    pub compression: Compression,
+    /// How layers are called in the file.
+    pub names: Names,
+    /// What the colours in the file are. Absent: what those of the picture are. PNG is always sRGB.
+    pub colour_space: Option<ColourSpace>,
+    /// What becomes of values that are NaN or infinite.
+    pub not_finite: NotFinite,
 }
 
 impl Node for WriteImage {
@@ -47,8 +69,13 @@ impl Node for WriteImage {
 
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let path = job.output(&frame_path(&self.file, job.frame));
-        let image = self.chosen(inputs.need_image("image")?, &path)?;
         let format = self.format_of(&path)?;
+        let mut image = self.chosen(inputs.need_image("image")?, format)?;
+        if self.not_finite != NotFinite::Pass {
+            let found =
+                self.not_finite.apply(&mut image).map_err(|found| Error::output(&path, found, not_finite::HELP))?;
+            found.iter().for_each(|found| job.warn(format!("{found}; written as 0")));
+        }
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
             let help = "check that the folder can be made, or name another";
             std::fs::create_dir_all(folder).map_err(|error| Error::output(&path, error.to_string(), help))?;
@@ -57,7 +84,9 @@ impl Node for WriteImage {
             Format::Exr => {
                 let (recipe, key) = ((job.recipe)(), job.key.to_string());
                 let header = [("chiaro:recipe", recipe.as_str()), ("chiaro:key", key.as_str())];
-                exr_write::write(&path, &image, self.depth, &header)?
+                let (depth, layers) = (self.depth, self.layer_depth.clone());
+                let encoding = Encoding { depth, layers, compression: self.compression };
+                exr_write::write(&path, &image, encoding, &header)?
             }
             Format::Png => match &image.layers[..] {
                 [layer] => png::write(&path, layer, image.width)?,
@@ -87,16 +116,21 @@ impl WriteImage {
         }
     }
 
-    /// The layers to write.
-    fn chosen(&self, image: &Image, path: &Path) -> Result<Image> {
+    /// The layers to write, as they are written.
+    fn chosen(&self, image: &Image, format: Format) -> Result<Image> {
         let find = |name: &str| image.find(name).cloned().map_err(|e| Error::compute(e.message, e.help));
         let layers = if !self.layers.is_empty() {
             self.layers.iter().map(|name| find(name)).collect::<Result<_>>()?
-        } else if self.format_of(path)? == Format::Png {
+        } else if format == Format::Png {
             vec![find("")?]
         } else {
             image.layers.clone()
         };
-        Ok(Image { width: image.width, height: image.height, layers, metadata: image.metadata.clone() })
+        let space = match format {
+            Format::Exr => self.colour_space.unwrap_or(image.colour_space),
+            Format::Png => ColourSpace::Rec709,
+        };
+        let image = Image { layers, ..image.clone() }.to_space(space);
+        Ok(if self.names == Names::Plain { image.with_plain_names() } else { image })
     }
 }

@@ -38,16 +38,22 @@ pub struct Port {
     pub optional: bool,
     /// The facets that the node reads of this input. `Inputs` refuses any other.
     pub reads: &'static [Facet],
+    /// Of an output: the input without which there is none.
+    pub needs: Option<&'static str>,
     pub doc: &'static str,
 }
 
 impl Port {
     pub const fn new(name: &'static str, kind: Kind, doc: &'static str) -> Self {
-        Self { name, kind, optional: false, reads: &Facet::ALL, doc }
+        Self { name, kind, optional: false, reads: &Facet::ALL, needs: None, doc }
     }
 
     pub const fn optional(self) -> Self {
         Self { optional: true, ..self }
+    }
+
+    pub const fn needs(self, input: &'static str) -> Self {
+        Self { needs: Some(input), ..self }
     }
 
     pub const fn reads(self, reads: &'static [Facet]) -> Self {
@@ -130,7 +136,7 @@ pub trait Node: Send + Sync + 'static {
         None
     }
 
-    /// Computes the outputs, in the order of `INFO.outputs`.
+    /// Computes the outputs, in the order of `INFO.outputs`; `Value::Absent` for one whose `needs` is not connected.
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>>;
 }
 

@@ -63,6 +63,8 @@ pub enum Value {
     Transport(Arc<DirectTransport>),
     Light(Arc<Lamp>),
     Ratio(Arc<Ratio>),
+    /// Of an output whose `needs` is not connected: no wire of a plan leads to it.
+    Absent(Kind),
 }
 
 impl Value {
@@ -80,6 +82,7 @@ impl Value {
             Self::Transport(_) => Kind::Transport,
             Self::Light(_) => Kind::Light,
             Self::Ratio(_) => Kind::Ratio,
+            Self::Absent(kind) => *kind,
         }
     }
 
@@ -98,6 +101,7 @@ impl Value {
             Self::Transport(v) => v.bytes(),
             Self::Light(v) => v.bytes(),
             Self::Ratio(v) => v.bytes(),
+            Self::Absent(_) => 0,
         }
     }
 

@@ -218,7 +218,7 @@ fn pictures_that_cannot_be_read_are_3() {
     let layer = Layer::new("", &["R", "G", "B"], Content::Colour, vec![0.5; 3 * 64 * 48]);
     let bench = Bench::room();
     png::write(&bench.path("good.png"), &layer, 64).unwrap();
-    let image = Image { width: 64, height: 48, layers: vec![layer], metadata: vec![] };
+    let image = Image { width: 64, height: 48, layers: vec![layer], ..Image::default() };
     exr_write::write(&bench.path("good.exr"), &image, exr_write::Depth::Half, &[]).unwrap();
     image::Rgb32FImage::from_pixel(64, 48, image::Rgb([0.5, 2.0, 0.25])).save(bench.path("good.hdr")).unwrap();
     image::RgbImage::from_pixel(64, 48, image::Rgb([1, 2, 3])).save(bench.path("good.jpg")).unwrap();
@@ -562,7 +562,7 @@ fn an_output_that_cannot_be_written_is_1() {
 fn an_output_never_replaces_an_input_or_another_output() {
     let bench = Bench::room();
     let layer = Layer::new("", &["R", "G", "B"], Content::Colour, vec![0.5; 3]);
-    let image = Image { width: 1, height: 1, layers: vec![layer], metadata: vec![] };
+    let image = Image { width: 1, height: 1, layers: vec![layer], ..Image::default() };
     exr_write::write(&bench.path("plate.exr"), &image, exr_write::Depth::Half, &[]).unwrap();
     std::fs::create_dir(bench.path("sub")).unwrap();
     let plate = std::fs::read(bench.path("plate.exr")).unwrap();

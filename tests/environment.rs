@@ -114,7 +114,7 @@ fn what_half_does_not_hold_survives() {
         width: 8,
         height: 4,
         layers: vec![Layer::new("", &["R", "G", "B"], Content::Colour, [70_000.0, 1e9, 1e-9].repeat(32))],
-        metadata: Vec::new(),
+        ..Image::default()
     };
     exr_write::write(&folder.path().join("bright.exr"), &bright, Depth::Float, &[]).unwrap();
     let (cube, _) = run(folder.path(), json!({ "file": "bright.exr", "face_size": 32 })).unwrap();
@@ -197,7 +197,7 @@ fn every_bit_is_the_same_for_any_number_of_threads() {
 
 fn grey(path: &Path, width: usize, height: usize, values: Vec<f32>) {
     let layers = vec![Layer::new("", &["R", "G", "B"], Content::Colour, values)];
-    exr_write::write(path, &Image { width, height, layers, metadata: Vec::new() }, Depth::Float, &[]).unwrap();
+    exr_write::write(path, &Image { width, height, layers, ..Image::default() }, Depth::Float, &[]).unwrap();
 }
 
 #[test]
@@ -213,7 +213,7 @@ fn bad_maps_are_refused() {
         width: 8,
         height: 4,
         layers: vec![Layer::new("Z", &["Z"], Content::Data, vec![1.0; 32])],
-        metadata: Vec::new(),
+        ..Image::default()
     };
     exr_write::write(&path("depth.exr"), &depth, Depth::Float, &[]).unwrap();
     for (params, code, words) in [

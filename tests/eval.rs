@@ -276,7 +276,7 @@ fn the_checked_mode_notices_a_wrong_entry() {
         content: chiaro::image::Content::Data,
         data: vec![9.0f32; 4].into(),
     };
-    let wrong = chiaro::image::Image { width: 4, height: 1, layers: vec![layer], metadata: vec![] };
+    let wrong = chiaro::image::Image { width: 4, height: 1, layers: vec![layer], ..Default::default() };
     let wrong = Value::Image(std::sync::Arc::new(wrong));
     let mut sections = chiaro::stored::SectionWriter::default();
     sections.value(&json!({}));

@@ -202,7 +202,7 @@ fn spoiled_pictures() {
     let (mut dice, mut tally) = (Dice::new(), Tally::default());
     let folder = tempfile::tempdir().unwrap();
     let layer = Layer::new("", &["R", "G", "B"], Content::Colour, (0..36).map(|x| x as f32 / 36.0).collect());
-    let image = Image { width: 4, height: 3, layers: vec![layer.clone()], metadata: vec![] };
+    let image = Image { width: 4, height: 3, layers: vec![layer.clone()], ..Image::default() };
     for name in ["a.exr", "a.png", "a.hdr", "a.jpg"] {
         let path = folder.path().join(name);
         match name {

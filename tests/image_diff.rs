@@ -17,7 +17,7 @@ fn write(path: &Path, layers: &[(&str, f32)]) {
         let data = (0..8 * 6 * 3).map(|i| value + i as f32 / 64.0).collect();
         Layer::new(name, &["R", "G", "B"], Content::Colour, data)
     };
-    let image = Image { width: 8, height: 6, layers: layers.iter().map(layer).collect(), metadata: Vec::new() };
+    let image = Image { width: 8, height: 6, layers: layers.iter().map(layer).collect(), ..Image::default() };
     exr_write::write(path, &image, Depth::Float, &[]).unwrap();
 }
 
@@ -80,7 +80,7 @@ fn wrong_pictures_are_refused() {
     let [a, b] = ["a.exr", "b.exr"].map(|name| folder.path().join(name));
     write(&a, &[("", 1.0)]);
     let small = Layer::new("", &["R", "G", "B"], Content::Colour, vec![1.0; 12]);
-    let small = Image { width: 2, height: 2, layers: vec![small], metadata: Vec::new() };
+    let small = Image { width: 2, height: 2, layers: vec![small], ..Image::default() };
     exr_write::write(&b, &small, Depth::Half, &[]).unwrap();
     let error = report(&args(a.display(), b.display())).unwrap_err();
     assert!(error.to_string().contains("8 x 6") && error.to_string().contains("2 x 2"), "{error}");

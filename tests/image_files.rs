@@ -31,7 +31,13 @@ fn sample(width: usize, height: usize) -> Image {
         layer("N", &["X", "Y", "Z"], Content::Data),
         layer("Z", &["Z"], Content::Data),
     ];
-    Image { width, height, layers, metadata: vec![("note".into(), "Schatten über Türen, 影".into())] }
+    Image {
+        width,
+        height,
+        layers,
+        metadata: vec![("note".into(), "Schatten über Türen, 影".into())],
+        ..Image::default()
+    }
 }
 
 fn layer<'a>(image: &'a Image, name: &str) -> &'a Layer {

@@ -62,7 +62,7 @@ fn picture(layers: &[(&str, &[&str], &[f32])]) -> Image {
         Layer::new(name, channels, content, data.to_vec())
     };
     let pixels = layers[0].2.len() / layers[0].1.len();
-    Image { width: pixels, height: 1, layers: layers.iter().map(layer).collect(), metadata: Vec::new() }
+    Image { width: pixels, height: 1, layers: layers.iter().map(layer).collect(), ..Image::default() }
 }
 
 fn colour(data: &[f32]) -> Image {

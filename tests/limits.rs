@@ -53,7 +53,7 @@ fn one_lamp(path: &Path) {
     let mut data = vec![0.0; 3 * width * height];
     data[3 * (33 * width + 161)..][..3].fill(16000.0);
     let layers = vec![Layer::new("", &["R", "G", "B"], Content::Colour, data)];
-    exr_write::write(path, &Image { width, height, layers, metadata: vec![] }, Depth::Float, &[]).unwrap();
+    exr_write::write(path, &Image { width, height, layers, ..Image::default() }, Depth::Float, &[]).unwrap();
 }
 
 fn integrate(visibility: &str) -> Json {

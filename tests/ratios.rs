@@ -78,7 +78,7 @@ fn said(result: Result<impl Sized>) -> String {
 fn picture(width: usize, rgb: Vec<f32>) -> Image {
     let height = rgb.len() / 3 / width;
     let layers = vec![Layer::new("", &["R", "G", "B"], Content::Colour, rgb)];
-    Image { width, height, layers, metadata: Vec::new() }
+    Image { width, height, layers, ..Image::default() }
 }
 
 fn divide(original: &Image, removed: &Image) -> Result<(Arc<Ratio>, Map<String, Json>)> {

@@ -298,7 +298,7 @@ fn write_difference(path: &Path, a: &Layer, b: &Layer, width: usize, mean: f64) 
     }
     layer.name = String::new();
     let height = layer.data.len() / layer.channels.len() / width;
-    let image = Image { width, height, layers: vec![layer], metadata: Vec::new() };
+    let image = Image { width, height, layers: vec![layer], ..Image::default() };
     let warnings = exr_write::write(path, &image, Depth::Float, &[])?;
     warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     Ok(())

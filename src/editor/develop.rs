@@ -118,7 +118,7 @@ mod tests {
 
     fn shown(mask: Option<Vec<f32>>) -> Shown {
         let layers = vec![Layer::new("only", &["Y"], Content::Colour, vec![0.0, 1.0, 0.0, 1.0, 0.0, 0.0])];
-        let picture = Arc::new(Image { width: 3, height: 2, layers, metadata: vec![] });
+        let picture = Arc::new(Image { width: 3, height: 2, layers, ..Image::default() });
         Shown { picture, other: None, samples: None, scene: None, mask: mask.map(Arc::new), light: None }
     }
 

@@ -190,7 +190,7 @@ mod tests {
             Layer::new("N", &["X", "Y", "Z"], Content::Data, vec![0.0, -0.5, 0.0, 0.8, 0.0, 0.0]),
             Layer::new("Z", &["Z"], Content::Data, vec![4.0, 8.0]),
         ];
-        Image { width: 2, height: 1, layers, metadata: vec![] }
+        Image { width: 2, height: 1, layers, ..Image::default() }
     }
 
     fn shown(display: Display) -> Vec<[u8; 4]> {

@@ -148,7 +148,7 @@ pub fn clay(samples: &Samples, scene: Option<&Scene>) -> Image {
         Layer::new("N", &["X", "Y", "Z"], Content::Data, data(&|point| point.normal.to_vec())),
         Layer::new("Z", &["Z"], Content::Data, data(&|point| vec![distance(point)])),
     ];
-    Image { width: samples.width, height: samples.height, layers, metadata: Vec::new() }
+    Image { width: samples.width, height: samples.height, layers, ..Image::default() }
 }
 
 /// Of an environment, latitude over longitude, as `environment_image` lays it out.
@@ -161,13 +161,13 @@ pub fn map(environment: &Environment, width: usize) -> Image {
         environment.radiance[cube::texel_at(Vec3::new(out * cos, up, out * sin), environment.size)]
     };
     let data = (0..width * height).flat_map(|i| at(i).into_iter().take(3)).collect();
-    Image { width, height, layers: vec![Layer::new("", &["R", "G", "B"], Content::Colour, data)], metadata: Vec::new() }
+    Image { width, height, layers: vec![Layer::new("", &["R", "G", "B"], Content::Colour, data)], ..Image::default() }
 }
 
 fn factors(ratio: &Ratio) -> Image {
     let data = ratio.values.iter().flatten().copied().collect();
     let layers = vec![Layer::new("", &["R", "G", "B", "A"], Content::Colour, data)];
-    Image { width: ratio.width, height: ratio.height, layers, metadata: Vec::new() }
+    Image { width: ratio.width, height: ratio.height, layers, ..Image::default() }
 }
 
 #[cfg(test)]

@@ -54,7 +54,7 @@ fn small(data: &[f32], like: &Layer, width: usize, height: usize) -> Image {
         data[from..from + stride].iter().copied()
     });
     let layer = like.with_data(pixels.collect());
-    Image { width: w, height: h, layers: vec![layer], metadata: Vec::new() }
+    Image { width: w, height: h, layers: vec![layer], ..Image::default() }
 }
 
 fn normals(samples: &Samples) -> Image {
@@ -66,7 +66,7 @@ fn normals(samples: &Samples) -> Image {
         point.normal.map(|x| if point.exists() { 0.5 + 0.5 * x } else { 0.0 })
     });
     let layer = Layer::new("", &["R", "G", "B"], Content::Colour, pixels.collect());
-    Image { width: w, height: h, layers: vec![layer], metadata: Vec::new() }
+    Image { width: w, height: h, layers: vec![layer], ..Image::default() }
 }
 
 #[cfg(test)]
@@ -78,7 +78,7 @@ mod tests {
     fn a_thumb_is_small_and_keeps_the_shape() {
         let data = (0..640 * 480).flat_map(|i| [if i % 640 < 320 { 1.0 } else { 0.0 }, 0.0, 0.0]).collect();
         let layers = vec![Layer::new("", &["R", "G", "B"], Content::Colour, data)];
-        let image = Image { width: 640, height: 480, layers, metadata: Vec::new() };
+        let image = Image { width: 640, height: 480, layers, ..Image::default() };
         let thumb = thumb(&Value::Image(Arc::new(image))).unwrap();
         assert_eq!((thumb.width, thumb.height), (96, 72));
         assert_eq!((thumb.pixels[0], thumb.pixels[95]), ([255, 0, 0, 255], [0, 0, 0, 255]));

@@ -96,7 +96,8 @@ impl Plan {
             return Err(Error::usage(summary(&planner.overrides), ""));
         }
         assert!(complete, "a node that cannot be planned has a problem");
-        let problems = mute(document, &mut steps);
+        let mut problems = mute(document, &mut steps);
+        problems.extend(absent(document, &steps));
         if !problems.is_empty() {
             return Err(complaint(document, problems));
         }
@@ -410,6 +411,30 @@ fn mute(document: &Document, steps: &mut [Step]) -> Vec<Problem> {
         }
     }
     steps.iter_mut().zip(led).for_each(|(step, led)| step.inputs = led);
+    problems
+}
+
+/// Wires that take from outputs which are not there without another input. `steps` are in the order of the document.
+fn absent(document: &Document, steps: &[Step]) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    for step in steps.iter().filter(|step| !step.muted) {
+        let wires = step.node_type.info.inputs.iter().zip(&step.inputs);
+        for (port, wire) in wires.filter_map(|(port, wire)| Some((port, (*wire)?))) {
+            let from = &steps[wire.step];
+            let info = from.node_type.info;
+            let output = &info.outputs[wire.output];
+            let there = |needed: &str| {
+                let at = info.inputs.iter().position(|input| input.name == needed);
+                at.is_some_and(|at| from.inputs[at].is_some())
+            };
+            let Some(needed) = output.needs.filter(|needed| !there(needed)) else { continue };
+            let pointer = child(&child(&child("/nodes", &step.name), "inputs"), port.name);
+            let (name, kind) = (&from.name, info.name);
+            let message = format!("\"{name}\" ({kind}) gives no {} without its input \"{needed}\"", output.name);
+            let help = format!("connect {needed} of \"{name}\"");
+            problems.push(document.source().problem(&pointer, Part::Value, message, help));
+        }
+    }
     problems
 }
 

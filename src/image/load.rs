@@ -54,5 +54,5 @@ fn from_decoded(decoded: ::image::DynamicImage) -> Image {
         }
     }
     let layer = Layer::new("", channels, Content::Colour, data);
-    Image { width, height, layers: vec![layer], metadata: Vec::new() }
+    Image { width, height, layers: vec![layer], ..Image::default() }
 }

@@ -1,6 +1,6 @@
 //! A picture in the disk cache.
 
-use super::{Content, Image, Layer};
+use super::{ColourSpace, Content, Image, Layer};
 use crate::stored::{SectionReader, SectionWriter, Stored};
 use serde::{Deserialize, Serialize};
 
@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 struct Header {
     width: usize,
     height: usize,
+    colour_space: ColourSpace,
     metadata: Vec<(String, String)>,
     /// Name, channels, whether it is colour.
     layers: Vec<(String, Vec<String>, bool)>,
@@ -19,6 +20,7 @@ impl Stored for Image {
         sections.value(&Header {
             width: self.width,
             height: self.height,
+            colour_space: self.colour_space,
             metadata: self.metadata.clone(),
             layers: self.layers.iter().map(describe).collect(),
         });
@@ -26,13 +28,13 @@ impl Stored for Image {
     }
 
     fn read(sections: &mut SectionReader) -> Option<Self> {
-        let Header { width, height, metadata, layers } = sections.value()?;
+        let Header { width, height, colour_space, metadata, layers } = sections.value()?;
         let pixels = width.checked_mul(height)?;
         let layers = layers.into_iter().map(|(name, channels, colour)| {
             let data: Vec<f32> = sections.vec()?;
             let content = if colour { Content::Colour } else { Content::Data };
             (data.len() == pixels * channels.len()).then(|| Layer { name, channels, content, data: data.into() })
         });
-        Some(Self { width, height, layers: layers.collect::<Option<_>>()?, metadata })
+        Some(Self { width, height, layers: layers.collect::<Option<_>>()?, colour_space, metadata })
     }
 }

@@ -219,7 +219,7 @@ impl chiaro::node::Node for Fragile {
             return Err(chiaro::Error::device("the GPU was lost", "use --device cpu"));
         }
         let layers = vec![Layer::new("", &["Y"], Content::Colour, vec![self.value; 4])];
-        let image = Image { width: 2, height: 2, layers, metadata: Vec::new() };
+        let image = Image { width: 2, height: 2, layers, ..Image::default() };
         Ok(vec![chiaro::value::Value::Image(std::sync::Arc::new(image))])
     }
 }

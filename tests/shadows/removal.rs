@@ -114,7 +114,7 @@ fn back(pictures: &[Layer], size: (usize, usize)) {
         assert!(dark > 3, "ring {ring} casts a shadow: {dark} pixels");
     }
     let times = |picture: &Layer, ratio: &Ratio| {
-        Layer::new("", &["R", "G", "B"], Content::Colour, quotient::multiply(picture, rgb, ratio).0)
+        Layer::new("", &["R", "G", "B"], Content::Colour, quotient::multiply(picture, rgb, ratio, None).0)
     };
     let worst = |a: &Layer, b: &Layer| {
         let mean = b.data.iter().map(|x| f64::from(*x)).sum::<f64>() / b.data.len() as f64;

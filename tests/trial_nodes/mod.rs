@@ -49,7 +49,7 @@ macro_rules! params {
 fn picture(values: Vec<f32>) -> Value {
     let layer =
         Layer { name: String::new(), channels: vec!["Z".into()], content: Content::Data, data: values.clone().into() };
-    Value::Image(Arc::new(Image { width: values.len(), height: 1, layers: vec![layer], metadata: Vec::new() }))
+    Value::Image(Arc::new(Image { width: values.len(), height: 1, layers: vec![layer], ..Image::default() }))
 }
 
 /// The values of a picture of one channel.

@@ -54,7 +54,7 @@ pub struct Combined {
 
 #[derive(Clone, Debug, PartialEq)]
 enum Step {
-    /// Names or paint.
+    /// Names, paint or a matte.
     Field(Arc<Selection>),
     /// Of earlier steps; `Invert` reads the first alone.
     Of(Mode, usize, usize),

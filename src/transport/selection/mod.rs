@@ -5,19 +5,21 @@
 
 mod bounds;
 mod combine;
+mod matte;
 mod names;
-mod nearest;
 mod paint;
 mod stroke;
 mod way;
 mod weighed;
 
 pub use combine::{Combined, Mode};
+pub use matte::Matte;
 pub use names::Names;
 pub use paint::Painted;
 pub use stroke::{Laid, Stroke, StrokeMode};
 pub use weighed::Weighed;
 
+use super::Samples;
 use crate::scene::{Fingerprint, Geometry, SurfacePoint};
 use crate::{Error, Result};
 use bounds::Bounds;
@@ -33,6 +35,8 @@ pub enum Selection {
     Names(Names),
     /// Brush strokes on surfaces.
     Painted(Painted),
+    /// The pixels of a picture, on the surfaces that they show.
+    Matte(Matte),
     /// Other selections, put together.
     Combined(Combined),
 }
@@ -59,6 +63,11 @@ impl Selection {
         Ok((Self::Painted(painted), laid))
     }
 
+    /// The weights of a picture's pixels, on the surfaces that they show; see `Matte::new`.
+    pub fn matte(samples: &Samples, pixels: &[f32]) -> Self {
+        Self::Matte(Matte::new(samples, pixels))
+    }
+
     /// What `mode` makes of one or two selections; see `Mode`.
     ///
     /// Errors: `b` missing, or given where there is nothing to do for it; selections of two geometries.
@@ -71,6 +80,7 @@ impl Selection {
         match self {
             Self::Names(names) => names.geometry(),
             Self::Painted(painted) => painted.geometry(),
+            Self::Matte(matte) => matte.geometry(),
             Self::Combined(combined) => combined.geometry(),
         }
     }
@@ -114,6 +124,7 @@ impl Selection {
         match self {
             Self::Names(names) => names.evaluate(points, weights),
             Self::Painted(painted) => painted.evaluate(points, weights),
+            Self::Matte(matte) => matte.evaluate(points, weights),
             Self::Combined(combined) => combined.evaluate(points, weights),
         }
     }
@@ -123,6 +134,7 @@ impl Selection {
         match self {
             Self::Names(names) => names.digest(),
             Self::Painted(painted) => painted.digest(),
+            Self::Matte(matte) => matte.digest(),
             Self::Combined(combined) => combined.digest(),
         }
     }
@@ -132,6 +144,7 @@ impl Selection {
         match self {
             Self::Names(names) => names.bytes(),
             Self::Painted(painted) => painted.bytes(),
+            Self::Matte(matte) => matte.bytes(),
             Self::Combined(combined) => combined.bytes(),
         }
     }

@@ -1,9 +1,9 @@
 //! Brush strokes as a recipe holds them, and how they are laid on the surfaces of a scene.
 
-use super::nearest::nearest;
 use super::paint::{Knot, Line, Segment};
 use crate::scene::bvh::Ray;
 use crate::scene::{Geometry, SurfacePoint};
+use crate::transport::nearest::{Nearest, nearest};
 use crate::transport::sampling;
 use crate::{Error, Result};
 use glam::Vec3;
@@ -100,10 +100,10 @@ pub(super) fn lay(
     }
     let points = strokes.iter().flat_map(|stroke| (0..stroke.points.len()).map(move |i| (stroke, i)));
     let points: Vec<(&Stroke, usize)> = points.collect();
-    let found: Vec<(SurfacePoint, f32)> =
+    let found: Vec<Nearest> =
         points.par_iter().map(|(stroke, i)| nearest(geometry, stroke.points[*i].into(), stroke.normal(*i))).collect();
     let adaptive: Vec<SurfacePoint> =
-        points.iter().zip(&found).filter(|((stroke, _), _)| stroke.adaptive).map(|(_, (point, _))| *point).collect();
+        points.iter().zip(&found).filter(|((stroke, _), _)| stroke.adaptive).map(|(_, found)| found.point).collect();
     let mut distances = if adaptive.is_empty() { Vec::new() } else { surroundings(&adaptive)? }.into_iter();
 
     let (mut lines, mut laid) = (Vec::new(), Laid::default());
@@ -111,7 +111,7 @@ pub(super) fn lay(
     for (number, stroke) in strokes.iter().enumerate() {
         let knots: Vec<(Knot, f32)> = (0..stroke.points.len())
             .map(|i| {
-                let (point, distance) = found.next().expect("one a point");
+                let Nearest { point, distance, .. } = found.next().expect("one a point");
                 let size =
                     if stroke.adaptive { limited(geometry, distances.next().expect("one a point")) } else { 1.0 };
                 let normal = stroke.normal(i).unwrap_or(point.normal.into());
@@ -219,7 +219,7 @@ fn trace(geometry: &Geometry, run: &[(Knot, f32)]) -> Vec<Vec<Knot>> {
         let steps = (a.position.distance(b.position) / (STEP * a.radius.min(b.radius))).ceil().clamp(1.0, MOST_STEPS);
         for step in 1..steps as usize {
             let between = a.between(&b, step as f32 / steps);
-            let (point, distance) = nearest(geometry, between.position, Some(between.normal));
+            let Nearest { point, distance, .. } = nearest(geometry, between.position, Some(between.normal));
             if distance <= OFF * between.radius {
                 let next = knot(geometry, &point, point.normal.into(), between.radius);
                 parts.last_mut().expect("at least one").push(next);

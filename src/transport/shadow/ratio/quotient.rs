@@ -8,6 +8,8 @@ use rayon::prelude::*;
 pub const LARGEST: f32 = 1e30;
 /// Light below this share of the picture's mean is no light to compare with.
 const DARK: f64 = 1e-6;
+/// Shadows darker than this leave nothing to divide them out of.
+const DEEP: f32 = 1.0 / 256.0;
 /// Pixels that one task works on; sums run over whole blocks in order.
 const BLOCK: usize = 4096;
 
@@ -98,18 +100,21 @@ fn quotient(original: f32, removed: f32, dark: f32) -> f32 {
     1.0 - t * t + t * (original / dark)
 }
 
-/// `c w` for the channels at `rgb` (eq. 6.2); others stay. What is not finite in the picture stays as it is, in its own
-/// pixel.
-pub fn multiply(layer: &Layer, rgb: [usize; 3], ratio: &Ratio) -> (Vec<f32>, Met) {
+/// `c w` for the channels at `rgb`, or `c w / v` for a picture that still has the shadow `v` (eq. 6.2); others stay.
+/// What is not finite in the picture stays as it is, in its own pixel. All are of one size.
+pub fn multiply(layer: &Layer, rgb: [usize; 3], ratio: &Ratio, original: Option<&Ratio>) -> (Vec<f32>, Met) {
     let stride = layer.channels.len();
     let mut data = layer.data.to_vec();
-    let tasks = data.par_chunks_mut(stride * BLOCK).zip(ratio.values.par_chunks(BLOCK));
-    let met = tasks.map(|(pixels, ratios)| {
+    let tasks = data.par_chunks_mut(stride * BLOCK).enumerate();
+    let met = tasks.map(|(block, pixels)| {
         let mut met = Met::default();
-        for (pixel, ratio) in pixels.chunks_exact_mut(stride).zip(ratios) {
+        for (i, pixel) in pixels.chunks_exact_mut(stride).enumerate() {
+            let at = block * BLOCK + i;
+            let ratio = ratio.values[at];
+            let before = original.map_or([1.0; 4], |original| original.values[at]);
             met.not_finite += usize::from(!finite(&rgb.map(|at| pixel[at])));
-            for (&at, ratio) in rgb.iter().zip(ratio) {
-                let product = pixel[at] * ratio;
+            for (c, &at) in rgb.iter().enumerate() {
+                let product = pixel[at] * if original.is_some() { exchange(ratio[c], before[c]) } else { ratio[c] };
                 if pixel[at].is_finite() {
                     met.limited += usize::from(!product.is_finite());
                     pixel[at] = product.clamp(-f32::MAX, f32::MAX);
@@ -120,6 +125,28 @@ pub fn multiply(layer: &Layer, rgb: [usize; 3], ratio: &Ratio) -> (Vec<f32>, Met
     });
     let met = met.reduce(Met::default, Met::and);
     (data, met)
+}
+
+/// `w / v`. In the depth of the old shadow v there is nothing left to recover: the factor goes over into 1 there, without
+/// a step, and grows no larger than `w / (2 DEEP)`.
+fn exchange(w: f32, v: f32) -> f32 {
+    if w == v { 1.0 } else { (w * v + DEEP * DEEP) / (v * v + DEEP * DEEP) }
+}
+
+/// A picture of shadow alone as a ratio: each pixel's red, green and blue, or its one channel; `inverted` where 1 is in
+/// the shadow. What is not finite has ratio 1.
+pub fn of_pass(layer: &Layer, channels: [usize; 3], inverted: bool) -> (Vec<[f32; 4]>, Met) {
+    let ratio = |pixel: &[f32]| -> [f32; 4] {
+        let [r, g, b] = channels.map(|at| if inverted { 1.0 - pixel[at] } else { pixel[at] });
+        if finite(&[r, g, b]) {
+            let [r, g, b] = [r, g, b].map(|x| x.clamp(-LARGEST, LARGEST));
+            return [r, g, b, 1.0];
+        }
+        [1.0, 1.0, 1.0, 0.0]
+    };
+    let values: Vec<[f32; 4]> = layer.data.par_chunks(layer.channels.len()).map(ratio).collect();
+    let not_finite = values.par_iter().filter(|value| value[3] == 0.0).count();
+    (values, Met { not_finite, ..Met::default() })
 }
 
 #[cfg(test)]
@@ -169,9 +196,37 @@ mod tests {
     #[test]
     fn products_by_hand() {
         let ratio = Ratio { width: 2, height: 1, values: vec![[0.5, 1.0, 2.0, 1.0], [1e30, 0.0, 1.0, 0.0]].into() };
-        let (data, met) = multiply(&layer(&[1.0, 2.0, 3.0, 1e20, f32::NAN, f32::INFINITY]), [0, 1, 2], &ratio);
+        let (data, met) = multiply(&layer(&[1.0, 2.0, 3.0, 1e20, f32::NAN, f32::INFINITY]), [0, 1, 2], &ratio, None);
         assert_eq!(data[..4], [0.5, 2.0, 6.0, f32::MAX]);
         assert!(data[4].is_nan() && data[5] == f32::INFINITY);
         assert_eq!(met, Met { undefined: 0, not_finite: 1, limited: 1 });
+    }
+
+    /// A shadow taken out and put in again changes nothing; taken out alone, what was under it comes back.
+    #[test]
+    fn an_old_shadow_is_divided_out() {
+        let one = |v: [f32; 3]| Ratio { width: 1, height: 1, values: vec![[v[0], v[1], v[2], 1.0]].into() };
+        let exchanged = |w, v| multiply(&layer(&[0.2, 0.4, 0.0]), [0, 1, 2], &one(w), Some(&one(v))).0;
+        assert_eq!(exchanged([0.3, 0.7, 0.0], [0.3, 0.7, 0.0]), [0.2, 0.4, 0.0]);
+        let lit = exchanged([1.0; 3], [0.5, 0.25, 0.0]);
+        assert!((lit[0] - 0.4).abs() < 1e-4 && (lit[1] - 1.6).abs() < 1e-3 && lit[2] == 0.0, "{lit:?}");
+        let mut last = exchange(1.0, 1e-6);
+        for step in 0..4000 {
+            let factor = exchange(1.0, 1e-6 * 1.005f32.powi(step));
+            assert!(
+                (0.0..=129.0).contains(&factor) && (factor - last).abs() < 0.01 * factor.max(1.0),
+                "{last} {factor}"
+            );
+            last = factor;
+        }
+    }
+
+    #[test]
+    fn passes_by_hand() {
+        let pass = Layer::new("shadow", &["Y"], Content::Data, vec![0.25, 1.0, f32::NAN]);
+        let (values, met) = of_pass(&pass, [0; 3], false);
+        assert_eq!(values, [[0.25, 0.25, 0.25, 1.0], [1.0; 4], [1.0, 1.0, 1.0, 0.0]]);
+        assert_eq!(met.not_finite, 1);
+        assert_eq!(of_pass(&layer(&[0.25, 0.5, 1.0]), [0, 1, 2], true).0, [[0.75, 0.5, 0.0, 1.0]]);
     }
 }

@@ -1,6 +1,10 @@
-//! Writing OpenEXR: one part, ZIP over 16 lines, data window = display window, layers as dotted channel names.
+//! Writing OpenEXR: one part of scan lines, data window = display window, layers as dotted channel names.
 //!
 //! Equal pictures give equal bytes: no time stamps, attributes sorted by name. Not for: tiles, mip levels, deep pixels.
+
+mod encoding;
+
+pub use encoding::{Compression, Depth, Encoding};
 
 use super::{Content, Image, Layer};
 use crate::{Error, Result, atomic};
@@ -8,9 +12,7 @@ use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
 use exr::block::{UncompressedBlock, enumerate_ordered_header_block_indices};
 use exr::meta::BlockDescription;
-use exr::meta::attribute::{
-    AttributeValue, ChannelDescription, Chromaticities, Compression, LineOrder, SampleType, Text,
-};
+use exr::meta::attribute::{AttributeValue, ChannelDescription, LineOrder, SampleType, Text};
 use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use exr::prelude::{Vec2, f16};
 use rayon::prelude::*;
@@ -19,17 +21,6 @@ use std::path::Path;
 
 /// Largest number of a half float.
 pub const HALF_MAX: f32 = 65504.0;
-
-/// How colour is stored; data (positions, depth, ids) is always float.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Depth {
-    /// 16 bits, three decimal digits, up to 65504; a colour layer that goes above it is stored as float.
-    #[default]
-    Half,
-    /// 32 bits.
-    Float,
-}
 
 /// A channel as it goes into the file.
 struct Channel<'a> {
@@ -41,23 +32,37 @@ struct Channel<'a> {
 
 /// Writes all layers. `attributes` are added to the picture's own metadata, and win where names are equal. Returns
 /// what the user should know: layers stored as float against the wish, values that are not finite.
-pub fn write(path: &Path, image: &Image, depth: Depth, attributes: &[(&str, &str)]) -> Result<Vec<String>> {
-    let (bytes, warnings) = encode(path, image, depth, attributes)?;
+///
+/// # Errors
+/// A file that cannot be written; layers of other sizes than the picture's, or of one name; a pattern of `encoding`
+/// that matches no layer, or that would make ids half.
+pub fn write(
+    path: &Path,
+    image: &Image,
+    encoding: impl Into<Encoding>,
+    attributes: &[(&str, &str)],
+) -> Result<Vec<String>> {
+    let (bytes, warnings) = encode(path, image, &encoding.into(), attributes)?;
     atomic::write(path, &bytes)?;
     Ok(warnings.into_iter().map(|warning| format!("{}: {warning}", path.display())).collect())
 }
 
 /// The bytes of the file; `path` only serves messages.
-fn encode(path: &Path, image: &Image, depth: Depth, attributes: &[(&str, &str)]) -> Result<(Vec<u8>, Vec<String>)> {
+fn encode(
+    path: &Path,
+    image: &Image,
+    encoding: &Encoding,
+    attributes: &[(&str, &str)],
+) -> Result<(Vec<u8>, Vec<String>)> {
     let failed = |message: String| Error::output(path, message, "check the names and sizes of the picture's layers");
     let mut warnings = Vec::new();
     let mut channels = Vec::new();
-    for layer in &image.layers {
+    for (layer, wish) in image.layers.iter().zip(encoding.wishes(image)?) {
         if layer.data.len() != image.width * image.height * layer.channels.len() {
             let found = format!("layer \"{}\" holds {} values", layer.title(), layer.data.len());
             return Err(failed(format!("{found}, not {} x {} pixels", image.width, image.height)));
         }
-        let kind = sample_type(layer, depth, &mut warnings);
+        let kind = sample_type(layer, wish, encoding.depth, &mut warnings);
         for (index, channel) in layer.channels.iter().enumerate() {
             channels.push(Channel { name: channel_name(layer, channel), layer, index, kind });
         }
@@ -70,7 +75,7 @@ fn encode(path: &Path, image: &Image, depth: Depth, attributes: &[(&str, &str)])
         let message = format!("{} x {} pixels with {} channels", image.width, image.height, channels.len());
         return Err(failed(format!("an empty picture: {message}")));
     }
-    let headers = [header(image, &channels, attributes)];
+    let headers = [header(image, &channels, encoding.compression, attributes)];
     let mut file = Cursor::new(Vec::new());
     exr::block::write(&mut file, headers.iter().cloned().collect(), true, |meta, writer| {
         let blocks: Vec<_> = enumerate_ordered_header_block_indices(&headers).collect();
@@ -98,12 +103,12 @@ fn channel_name(layer: &Layer, channel: &str) -> String {
     }
 }
 
-fn sample_type(layer: &Layer, depth: Depth, warnings: &mut Vec<String>) -> SampleType {
+fn sample_type(layer: &Layer, wish: Option<Depth>, depth: Depth, warnings: &mut Vec<String>) -> SampleType {
     let not_finite = layer.data.par_iter().filter(|value| !value.is_finite()).count();
     if not_finite > 0 {
         warnings.push(format!("layer \"{}\": {not_finite} values are NaN or infinite", layer.title()));
     }
-    if depth == Depth::Float || layer.content == Content::Data {
+    if wish.unwrap_or(depth) == Depth::Float || (wish.is_none() && layer.content == Content::Data) {
         return SampleType::F32;
     }
     let above = layer.data.par_iter().filter(|value| value.is_finite() && value.abs() > HALF_MAX).count();
@@ -115,7 +120,7 @@ fn sample_type(layer: &Layer, depth: Depth, warnings: &mut Vec<String>) -> Sampl
     SampleType::F32
 }
 
-fn header(image: &Image, channels: &[Channel], attributes: &[(&str, &str)]) -> Header {
+fn header(image: &Image, channels: &[Channel], compression: Compression, attributes: &[(&str, &str)]) -> Header {
     let describe = |channel: &Channel| ChannelDescription {
         name: text(&channel.name),
         sample_type: channel.kind,
@@ -124,21 +129,16 @@ fn header(image: &Image, channels: &[Channel], attributes: &[(&str, &str)]) -> H
     };
     let size = Vec2(image.width, image.height);
     let mut own = LayerAttributes::default();
-    let interop = [("colorInteropID", "lin_rec709_scene")];
+    let interop = [("colorInteropID", image.colour_space.id())];
     let metadata = image.metadata.iter().map(|(name, value)| (name.as_str(), value.as_str()));
     let metadata = metadata.filter(|(name, _)| !names_missing_matte(image, name));
     for (name, value) in metadata.chain(interop).chain(attributes.iter().copied()) {
         own.other.insert(text(name), AttributeValue::Text(text(value)));
     }
     let mut shared = ImageAttributes::with_size(size);
-    shared.chromaticities = Some(Chromaticities {
-        red: Vec2(0.64, 0.33),
-        green: Vec2(0.30, 0.60),
-        blue: Vec2(0.15, 0.06),
-        white: Vec2(0.3127, 0.3290),
-    });
+    shared.chromaticities = Some(image.colour_space.chromaticities());
     Header::new(text(""), size, channels.iter().map(describe).collect())
-        .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
+        .with_encoding(compression.of_file(), BlockDescription::ScanLines, LineOrder::Increasing)
         .with_shared_attributes(shared)
         .with_attributes(own)
 }

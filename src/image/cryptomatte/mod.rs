@@ -1,12 +1,19 @@
-//! Reading Cryptomatte 1.2: which objects (or materials, or assets) a pixel shows, and how much of each.
+//! Cryptomatte 1.2: which objects (or materials, or assets) a pixel shows, and how much of each.
 //!
 //! A matte called `CryptoObject` lies in layers `CryptoObject00`, `01`, `02`: red and green are id and coverage of rank
 //! 2N, blue and alpha of rank 2N + 1, sorted by coverage. Ids are hashes of names, kept as the bits of a float. Source:
 //! Cryptomatte Specification 1.2.0 (Psyop).
 
+mod hash;
+mod rank;
+
+pub use hash::{header_key, id};
+pub use rank::{Ranked, rank};
+
 use super::{Image, Layer, exr_read, names};
 use crate::{Error, Result};
-use std::collections::BTreeMap;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 
 /// One matte of a picture.
@@ -69,6 +76,70 @@ impl Cryptomatte {
         (0..self.ranks[0].data.len() / 4).map(covered).collect()
     }
 
+    /// How much of each pixel belongs to names that match one of `patterns`, in [0, 1]. A pattern without wildcards is
+    /// found by its hash, so that it needs no manifest; an id can be given as eight hexadecimal digits.
+    ///
+    /// # Errors
+    /// `Compute` for a pattern that is not well formed, or that matches nothing; wildcards without a manifest.
+    pub fn covered(&self, patterns: &[String]) -> crate::Result<Vec<f32>> {
+        let ids = self.matching(patterns)?;
+        let one = |pixel: usize| {
+            let pairs = self.ranks.iter().flat_map(|rank| rank.data[4 * pixel..4 * pixel + 4].chunks(2));
+            let covered: f32 = pairs.filter(|pair| ids.contains(&pair[0].to_bits())).map(|pair| pair[1]).sum();
+            // Not finite: nothing that is known to be covered.
+            if covered.is_finite() { covered.clamp(0.0, 1.0) } else { 0.0 }
+        };
+        Ok((0..self.ranks[0].data.len() / 4).into_par_iter().with_min_len(4096).map(one).collect())
+    }
+
+    /// Ids of the names that match.
+    fn matching(&self, patterns: &[String]) -> crate::Result<HashSet<u32>> {
+        let present: HashSet<u32> = self
+            .ranks
+            .iter()
+            .flat_map(|rank| rank.data.as_chunks::<2>().0)
+            .filter(|pair| pair[1] > 0.0)
+            .map(|pair| pair[0].to_bits())
+            .collect();
+        let names: Vec<&str> = self.manifest.values().map(String::as_str).collect();
+        let mut ids = HashSet::new();
+        for pattern in patterns {
+            let wild = pattern.contains(['*', '?', '[', '{']);
+            let given = (pattern.len() == 8).then(|| u32::from_str_radix(pattern, 16).ok()).flatten();
+            match given.filter(|id| present.contains(id)).or(Some(id(pattern)).filter(|_| !wild)) {
+                Some(id) if present.contains(&id) || self.manifest.contains_key(&id) => _ = ids.insert(id),
+                Some(_) if self.manifest.is_empty() => {
+                    let message = format!("{}: nothing here is called \"{pattern}\"", self.name);
+                    let shown = self.list(present.iter().copied());
+                    let help = format!("the file has no manifest, so only ids are known: {shown}");
+                    return Err(crate::Error::compute(message, help));
+                }
+                None if self.manifest.is_empty() => {
+                    let message = format!("{}: \"{pattern}\" has wildcards, but the file has no manifest", self.name);
+                    let shown = self.list(present.iter().copied());
+                    let help = format!("give whole names, which are found by their hash, or ids: {shown}");
+                    return Err(crate::Error::compute(message, help));
+                }
+                _ => {
+                    let chosen = crate::names::chosen(&self.name, std::slice::from_ref(pattern), &names)?;
+                    let all = self.manifest.keys().zip(chosen);
+                    ids.extend(all.filter(|(_, chosen)| *chosen).map(|(id, _)| *id));
+                }
+            }
+        }
+        Ok(ids)
+    }
+
+    fn list(&self, ids: impl Iterator<Item = u32>) -> String {
+        const MOST: usize = 20;
+        let mut titles: Vec<String> = ids.filter(|id| *id != 0).map(|id| self.title(id)).collect();
+        titles.sort();
+        let more = titles.len().saturating_sub(MOST);
+        titles.truncate(MOST);
+        let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+        titles.join(", ") + &rest
+    }
+
     /// The name of an id, or the id in hexadecimal where the manifest has none.
     pub fn title(&self, id: u32) -> String {
         self.manifest.get(&id).cloned().unwrap_or_else(|| format!("{id:08x}"))
@@ -76,7 +147,7 @@ impl Cryptomatte {
 }
 
 /// `ViewLayer.CryptoObject00` -> `ViewLayer.CryptoObject`.
-fn matte_of(layer: &str) -> Option<&str> {
+pub(super) fn matte_of(layer: &str) -> Option<&str> {
     let (matte, digits) = layer.split_at_checked(layer.len().checked_sub(2)?)?;
     let numbered = digits.bytes().all(|byte| byte.is_ascii_digit());
     (numbered && names::split(matte).1.to_ascii_lowercase().contains("crypto")).then_some(matte)
@@ -88,6 +159,12 @@ fn find_matte(layers: &[&str], wanted: &str) -> std::result::Result<String, name
     if mattes.is_empty() {
         let message = "no Cryptomatte; found no layers such as CryptoObject00".to_owned();
         return Err(names::NotFound { message, help: "render the picture with Cryptomatte for objects".to_owned() });
+    }
+    // Arnold's `crypto_object` is `CryptoObject`.
+    let bare = |name: &str| names::split(name).1.to_ascii_lowercase().replace('_', "");
+    let alike: Vec<&&str> = mattes.iter().filter(|matte| bare(matte) == bare(wanted)).collect();
+    if let ([only], false) = (&alike[..], mattes.contains(&wanted)) {
+        return Ok((**only).to_owned());
     }
     names::find(&mattes, wanted).map(|index| mattes[index].to_owned())
 }
@@ -118,40 +195,10 @@ fn manifest(image: &Image, matte: &str) -> BTreeMap<u32, String> {
     }
 }
 
-/// The id of a name: MurmurHash3 (x86, 32 bit, seed 0) of its UTF-8, made the bits of a finite float that is not
-/// denormal.
-pub fn id(name: &str) -> u32 {
-    let hash = murmur3(name.as_bytes());
-    let exponent = hash >> 23 & 255;
-    if exponent == 0 || exponent == 255 { hash ^ 1 << 23 } else { hash }
-}
-
-fn murmur3(bytes: &[u8]) -> u32 {
-    let mix = |k: u32| k.wrapping_mul(0xcc9e2d51).rotate_left(15).wrapping_mul(0x1b873593);
-    let (words, tail) = bytes.as_chunks::<4>();
-    let mut hash = words.iter().fold(0u32, |hash, word| {
-        (hash ^ mix(u32::from_le_bytes(*word))).rotate_left(13).wrapping_mul(5).wrapping_add(0xe6546b64)
-    });
-    hash ^= mix(tail.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte)));
-    hash ^= bytes.len() as u32;
-    hash = (hash ^ hash >> 16).wrapping_mul(0x85ebca6b);
-    hash = (hash ^ hash >> 13).wrapping_mul(0xc2b2ae35);
-    hash ^ hash >> 16
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::image::Content;
-
-    #[test]
-    fn hashes_names() {
-        assert_eq!(id("torus"), 0xf19c73fd);
-        assert_eq!(id("floor"), 0x7819c83c);
-        assert_eq!(id("hello"), 0x248bfa47);
-        assert_eq!(murmur3(b""), 0);
-        assert_eq!(id(""), 1 << 23, "an exponent of 0 is moved out of the denormals");
-    }
 
     #[test]
     fn reads_ranks_and_names() {
@@ -166,6 +213,7 @@ mod tests {
             height: 1,
             layers: vec![rank("View.CryptoObject00", vec![a, 0.75, b, 0.25, b, 1.0, 0.0, 0.0])],
             metadata: metadata.map(|(name, value)| (name.to_owned(), value.to_owned())).to_vec(),
+            ..Image::default()
         };
         let matte = Cryptomatte::of(&image, "CryptoObject").unwrap();
         assert_eq!(matte.whole(0.99), [0, id("floor")]);

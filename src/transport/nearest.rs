@@ -7,12 +7,20 @@ use glam::Vec3;
 /// Cosine of how far a surface may be turned from an asked normal, on either side, to be the one that is meant.
 const MEANT: f32 = 0.5;
 
-/// The nearest surface point and its distance, metres.
+pub struct Nearest {
+    pub point: SurfacePoint,
+    /// Weights of its triangle's second and third corner.
+    pub barycentrics: [f32; 2],
+    /// Metres.
+    pub distance: f32,
+}
+
+/// The nearest surface point.
 ///
 /// With a normal: on the side that looks that way, and of two surfaces about as near the one that is turned so (a point
 /// in a corner is on the floor or on the wall). Without: on the front of the surface, unless the point lies clearly
 /// behind it.
-pub fn nearest(geometry: &Geometry, at: Vec3, normal: Option<Vec3>) -> (SurfacePoint, f32) {
+pub fn nearest(geometry: &Geometry, at: Vec3, normal: Option<Vec3>) -> Nearest {
     // Positions in recipes are rounded.
     let slack = 1e3 * geometry.lift();
     let any = search(geometry, at, |_| true).expect("a geometry has triangles");
@@ -29,7 +37,8 @@ pub fn nearest(geometry: &Geometry, at: Vec3, normal: Option<Vec3>) -> (SurfaceP
             (any, height >= -slack)
         }
     };
-    (geometry.surface_point(found.triangle, found.u, found.v, front), found.distance)
+    let point = geometry.surface_point(found.triangle, found.u, found.v, front);
+    Nearest { point, barycentrics: [found.u, found.v], distance: found.distance }
 }
 
 #[derive(Clone, Copy)]
@@ -133,7 +142,7 @@ mod tests {
         for i in 0..500 {
             let [x, y, z] = [0, 1, 2].map(|axis| 6.0 * unit(hash(3 * i + axis)) - 3.0);
             let at = Vec3::new(x, y, z);
-            let (point, distance) = nearest(&geometry, at, None);
+            let Nearest { point, distance, .. } = nearest(&geometry, at, None);
             let slow = geometry.bvh.facets.iter().map(|facet| {
                 let (u, v) = closest(facet, at);
                 (Vec3::from(facet.corner) + Vec3::from(facet.edge_u) * u + Vec3::from(facet.edge_v) * v).distance(at)
@@ -148,7 +157,7 @@ mod tests {
     fn a_normal_chooses_the_surface_and_its_side() {
         let geometry = builtin::scene("room").unwrap().geometry;
         let named = |at: [f32; 3], normal: Option<Vec3>| {
-            let (point, _) = nearest(&geometry, at.into(), normal);
+            let Nearest { point, .. } = nearest(&geometry, at.into(), normal);
             (geometry.objects[point.object as usize].as_str(), point.geometric_normal.map(|x| x.round() as i32))
         };
         let corner = [-1.9999, 0.0002, 0.0];
