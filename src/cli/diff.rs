@@ -39,7 +39,8 @@ pub struct Args {
     #[arg(long, value_name = "X", value_parser = limit)]
     pub max_rmse: Option<f64>,
 
-    /// Write the difference A - B: as it is into .exr; as |A - B| over the mean of B, clipped, into .png
+    /// Write the difference A - B: all layers as they are into .exr; of the beauty, or of the one layer that is
+    /// compared, |A - B| over the mean of B, clipped, into .png
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
@@ -75,9 +76,7 @@ pub fn report(args: &Args) -> Result<(String, bool)> {
     let sides = [Side::parse(&args.a), Side::parse(&args.b)];
     let factors = factors(&args.times)?;
     let pairs = pairs(&sides, &factors)?;
-    if args.out.is_some() && pairs.len() != 1 {
-        return Err(Error::usage(format!("--out takes one layer, not {}", pairs.len()), "name the layer: A.exr:LAYER"));
-    }
+    let mut differences = Vec::new();
     let objects = match &args.objects {
         Some(path) => Some((path, Cryptomatte::read(path, "CryptoObject")?)),
         None => None,
@@ -115,9 +114,12 @@ pub fn report(args: &Args) -> Result<(String, bool)> {
             Some(limit) => judged <= limit && figures.not_finite_differing == 0 && seen,
             None => figures.equal(),
         };
-        if let Some(path) = &args.out {
-            write_difference(path, a, b, width, figures.mean_b)?;
+        if args.out.is_some() {
+            differences.push((compare::difference(a, b, width)?, figures.mean_b, width));
         }
+    }
+    if let Some(path) = &args.out {
+        write_differences(path, differences)?;
     }
     Ok((text, equal))
 }
@@ -215,6 +217,10 @@ fn both(a: Layer, b: Layer, image: &Image) -> Pair {
 }
 
 fn same_size(sides: &[Side; 2], a: &Image, b: &Image) -> Result<()> {
+    if a.colour_space != b.colour_space {
+        let (one, other) = (a.colour_space.id(), b.colour_space.id());
+        tracing::warn!("colours are {one} in A and {other} in B; they are compared as they are");
+    }
     if (a.width, a.height) == (b.width, b.height) {
         return Ok(());
     }
@@ -280,26 +286,42 @@ fn blocks_text(figures: &[compare::BlockFigures], size: u16, matte: &Cryptomatte
     text
 }
 
-fn write_difference(path: &Path, a: &Layer, b: &Layer, width: usize, mean: f64) -> Result<()> {
-    let mut layer = compare::difference(a, b, width)?;
-    if load::extension(path) == "png" {
-        let scale = if mean == 0.0 { 1.0 } else { (1.0 / mean.abs()) as f32 };
-        // Alpha would hide what it is meant to show.
-        let keep: Vec<usize> = (0..layer.channels.len()).filter(|&i| layer.channels[i] != "A").collect();
-        let pixels = layer.data.chunks(layer.channels.len());
-        let data = pixels.flat_map(|pixel| keep.iter().map(|&i| pixel[i].abs() * scale)).collect();
-        let channels: Vec<&str> = keep.iter().map(|&i| layer.channels[i].as_str()).collect();
-        let warnings = png::write(path, &Layer::new("", &channels, layer.content, data), width)?;
-        warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-        return Ok(());
-    }
-    if load::extension(path) != "exr" {
-        return Err(Error::usage(format!("--out {}: expected .exr or .png", path.display()), "name it difference.exr"));
-    }
-    layer.name = String::new();
-    let height = layer.data.len() / layer.channels.len() / width;
-    let image = Image { width, height, layers: vec![layer], ..Image::default() };
-    let warnings = exr_write::write(path, &image, Depth::Float, &[])?;
+/// Layers of `a - b`, each with the mean of b and its width.
+fn write_differences(path: &Path, mut layers: Vec<(Layer, f64, usize)>) -> Result<()> {
+    let Some(width) = layers.first().map(|(.., width)| *width) else {
+        return Err(Error::usage("--out: the pictures have no layer in common", "name the layers: A.exr:LAYER"));
+    };
+    let warnings = match load::extension(path).as_str() {
+        "png" => {
+            let one = layers.len() == 1;
+            let Some((layer, mean, _)) = layers.iter().find(|(layer, ..)| one || layer.name.is_empty()) else {
+                let message =
+                    format!("--out {}: {} layers are compared, none the beauty", path.display(), layers.len());
+                return Err(Error::usage(message, "name one layer, A.exr:LAYER, or write .exr"));
+            };
+            let scale = if *mean == 0.0 { 1.0 } else { (1.0 / mean.abs()) as f32 };
+            // Alpha would hide what it is meant to show.
+            let keep: Vec<usize> = (0..layer.channels.len()).filter(|&i| layer.channels[i] != "A").collect();
+            let pixels = layer.data.chunks(layer.channels.len());
+            let data = pixels.flat_map(|pixel| keep.iter().map(|&i| pixel[i].abs() * scale)).collect();
+            let channels: Vec<&str> = keep.iter().map(|&i| layer.channels[i].as_str()).collect();
+            png::write(path, &Layer::new("", &channels, layer.content, data), width)?
+        }
+        "exr" => {
+            if let [(only, ..)] = &mut layers[..] {
+                only.name = String::new();
+            }
+            let height = layers[0].0.data.len() / layers[0].0.channels.len() / width;
+            let layers = layers.into_iter().map(|(layer, ..)| layer).collect();
+            exr_write::write(path, &Image { width, height, layers, ..Image::default() }, Depth::Float, &[])?
+        }
+        _ => {
+            return Err(Error::usage(
+                format!("--out {}: expected .exr or .png", path.display()),
+                "name it difference.exr",
+            ));
+        }
+    };
     warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     Ok(())
 }

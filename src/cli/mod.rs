@@ -7,6 +7,7 @@ pub mod diff;
 #[cfg(feature = "editor")]
 mod edit;
 mod frames;
+mod info;
 mod messages;
 mod node_help;
 mod progress;
@@ -37,6 +38,7 @@ enum Command {
     Render(render::Args),
     Check(check::Args),
     Diff(diff::Args),
+    Info(info::Args),
     Nodes(node_help::Args),
     Schema(schema::Args),
     Devices(devices::Args),
@@ -63,6 +65,7 @@ impl Cli {
             Command::Render(args) => args.run(registry),
             Command::Check(args) => args.run(registry),
             Command::Diff(args) => diff::run(&args).map(|equal| u8::from(!equal)),
+            Command::Info(args) => args.run(),
             Command::Nodes(args) => args.run(registry),
             Command::Schema(args) => args.run(registry),
             Command::Devices(args) => args.run(),

@@ -11,11 +11,7 @@ pub const EXTENSIONS: [&str; 5] = ["exr", "hdr", "png", "jpg", "jpeg"];
 /// Reads all layers, or only those named (see `names::find`), in that order. Pictures other than EXR have one layer,
 /// the beauty; 8 and 16 bit values are taken as sRGB and become linear, premultiplied by alpha.
 pub fn load(path: &Path, wanted: Option<&[&str]>) -> Result<Image> {
-    let mut magic = [0; 4];
-    let mut file = std::fs::File::open(path).map_err(|e| missing(path, e))?;
-    // A file shorter than 4 bytes is no EXR either; the reader below says what it is.
-    let found = file.read(&mut magic).map_err(|e| missing(path, e))?;
-    if magic[..found] == [0x76, 0x2f, 0x31, 0x01] || extension(path) == "exr" {
+    if is_exr(path)? {
         return match wanted {
             Some(layers) => exr_read::read_layers(path, layers),
             None => exr_read::read(path),
@@ -30,6 +26,18 @@ pub fn load(path: &Path, wanted: Option<&[&str]>) -> Result<Image> {
     let reader = ::image::ImageReader::open(path).map_err(|e| missing(path, e))?;
     let decoded = reader.with_guessed_format().map_err(|e| missing(path, e))?.decode().map_err(damaged)?;
     Ok(from_decoded(decoded))
+}
+
+/// By its first bytes, or its name.
+///
+/// # Errors
+/// `File` for what cannot be read.
+pub fn is_exr(path: &Path) -> Result<bool> {
+    let mut magic = [0; 4];
+    let mut file = std::fs::File::open(path).map_err(|e| missing(path, e))?;
+    // A file shorter than 4 bytes is no EXR either; the reader says what it is.
+    let found = file.read(&mut magic).map_err(|e| missing(path, e))?;
+    Ok(magic[..found] == [0x76, 0x2f, 0x31, 0x01] || extension(path) == "exr")
 }
 
 /// Extension in lower case; empty when there is none.

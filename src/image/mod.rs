@@ -13,6 +13,7 @@ pub mod not_finite;
 mod plain;
 pub mod png;
 mod stored;
+pub mod view_transform;
 
 pub use colour_space::ColourSpace;
 

@@ -56,6 +56,19 @@ impl Cryptomatte {
         Ok(Self { manifest: manifest(image, &name), name, width: image.width, height: image.height, ranks })
     }
 
+    /// The mattes of a picture.
+    pub fn names(image: &Image) -> Vec<String> {
+        let mut names: Vec<String> =
+            image.layers.iter().filter_map(|layer| matte_of(&layer.name)).map(str::to_owned).collect();
+        names.dedup();
+        names
+    }
+
+    /// The names of a matte by their ids; empty where the picture carries none.
+    pub fn manifest_of(image: &Image, matte: &str) -> BTreeMap<u32, String> {
+        manifest(image, matte)
+    }
+
     /// Id and coverage of the object that covers most of a pixel. Id 0 is no object.
     pub fn first(&self, pixel: usize) -> (u32, f32) {
         let data = &self.ranks[0].data[4 * pixel..];
@@ -147,7 +160,7 @@ impl Cryptomatte {
 }
 
 /// `ViewLayer.CryptoObject00` -> `ViewLayer.CryptoObject`.
-pub(super) fn matte_of(layer: &str) -> Option<&str> {
+pub fn matte_of(layer: &str) -> Option<&str> {
     let (matte, digits) = layer.split_at_checked(layer.len().checked_sub(2)?)?;
     let numbered = digits.bytes().all(|byte| byte.is_ascii_digit());
     (numbered && names::split(matte).1.to_ascii_lowercase().contains("crypto")).then_some(matte)

@@ -96,6 +96,43 @@ impl ExrFile {
         self.colour_space
     }
 
+    pub fn display(&self) -> IntegerBounds {
+        self.display
+    }
+
+    /// How the channels of each layer are stored: `half`, `float` or `uint`, several where they differ.
+    pub fn stored(&self) -> Vec<String> {
+        let name = |slot: &layers::Slot| match slot.kind {
+            SampleType::F16 => "half",
+            SampleType::F32 => "float",
+            SampleType::U32 => "uint",
+        };
+        let kinds = |plan: &Plan| {
+            let mut kinds: Vec<&str> = plan.slots.iter().map(name).collect();
+            kinds.sort_unstable();
+            kinds.dedup();
+            kinds.join(" and ")
+        };
+        self.plans.iter().map(kinds).collect()
+    }
+
+    /// The picture without its pixels: size, layers of no values, header.
+    pub fn outline(&self) -> Image {
+        let layer = |plan: &Plan| Layer {
+            name: plan.name.clone(),
+            content: plan.content,
+            channels: plan.slots.iter().map(|slot| slot.name.clone()).collect(),
+            data: Vec::new().into(),
+        };
+        Image {
+            width: self.display.size.0,
+            height: self.display.size.1,
+            layers: self.plans.iter().map(layer).collect(),
+            colour_space: self.colour_space,
+            metadata: self.metadata.clone(),
+        }
+    }
+
     pub fn layer_names(&self) -> Vec<&str> {
         self.plans.iter().map(|plan| plan.name.as_str()).collect()
     }

@@ -1,0 +1,54 @@
+//! What is in a scene.
+
+use super::list;
+use crate::Result;
+use crate::scene::file;
+use serde::Serialize;
+use std::path::Path;
+
+#[derive(Serialize)]
+pub struct SceneInfo {
+    file: String,
+    triangles: usize,
+    /// Lower and upper corner, metres.
+    bounds: [[f32; 3]; 2],
+    objects: Vec<String>,
+    materials: Vec<String>,
+    lights: Vec<String>,
+    cameras: Vec<String>,
+}
+
+/// # Errors
+/// `File` for what cannot be read.
+pub fn describe(path: &Path) -> Result<SceneInfo> {
+    let (scene, _) = file::read(path, 1.0)?;
+    let (low, high) = scene.geometry.bounds();
+    Ok(SceneInfo {
+        file: path.display().to_string(),
+        triangles: scene.geometry.corners.len(),
+        bounds: [low.to_array(), high.to_array()],
+        objects: scene.geometry.objects.clone(),
+        materials: scene.geometry.material_names.clone(),
+        lights: scene.lights.iter().map(|light| light.name.clone()).collect(),
+        cameras: scene.cameras.iter().map(|camera| camera.name.clone()).collect(),
+    })
+}
+
+impl SceneInfo {
+    pub fn text(&self) -> String {
+        let [low, high] = self.bounds.map(|[x, y, z]| format!("{x:.2} {y:.2} {z:.2}"));
+        let mut text = format!("{}: glTF, {} triangles, from {low} to {high} m\n", self.file, self.triangles);
+        let lists = [
+            ("object", &self.objects),
+            ("material", &self.materials),
+            ("light", &self.lights),
+            ("camera", &self.cameras),
+        ];
+        for (what, names) in lists {
+            let (count, plural) = (names.len(), if names.len() == 1 { "" } else { "s" });
+            let colon = if names.is_empty() { "" } else { ": " };
+            text += &format!("  {count} {what}{plural}{colon}{}\n", list(names));
+        }
+        text
+    }
+}
