@@ -1,14 +1,17 @@
 //! The nodes that read, write, merge, grade and compare pictures, run as the evaluator runs them.
 
-use chiaro::device::Device;
+#[allow(dead_code)]
+#[path = "support/node.rs"]
+mod node;
+
 use chiaro::image::{Content, Image, Layer, exr_read};
-use chiaro::node::{Inputs, Job, Key, NoMemo};
-use chiaro::progress::Progress;
+use chiaro::node::Key;
 use chiaro::value::Value;
 use chiaro::{Error, Result, nodes};
+use node::At;
 use serde_json::{Map, Value as Json, json};
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 struct Run {
     image: Option<Arc<Image>>,
@@ -23,33 +26,10 @@ fn run_at(
     out: Option<&Path>,
     frame: f64,
 ) -> Result<Run> {
-    let node_type = nodes::find(kind).unwrap();
-    let Json::Object(params) = params else { panic!("parameters are an object") };
-    let node = (node_type.parse)(params).unwrap();
-    let value = |name: &str| {
-        let (_, image) = inputs.iter().find(|(port, _)| *port == name)?;
-        Some((Value::Image(Arc::new((*image).clone())), [Key::of(&[b"input"]); 4]))
-    };
-    let values = node_type.info.inputs.iter().map(|port| value(port.name)).collect();
-    let notes = Mutex::default();
-    let job = Job {
-        device: &Device::Cpu,
-        progress: Progress::silent(),
-        memo: &NoMemo,
-        frame,
-        fps: 24.0,
-        base,
-        out,
-        recipe: &|| "{ \"chiaro\": 1 }".to_owned(),
-        key: Key::of(&[b"key"]),
-        notes: &notes,
-    };
-    let values = node.run(&Inputs { info: node_type.info, values }, &job)?;
-    let image = values.into_iter().next().map(|value| match value {
-        Value::Image(image) => image,
-        other => panic!("{:?}", other.kind()),
-    });
-    Ok(Run { image, notes: notes.into_inner().unwrap() })
+    let inputs: Vec<(&str, Value)> = inputs.iter().map(|(port, image)| (*port, node::image(image))).collect();
+    let ran = node::run_at(kind, params, &inputs, At { base, out, frame })?;
+    let image = (!ran.values.is_empty()).then(|| ran.image());
+    Ok(Run { image, notes: ran.notes })
 }
 
 fn run(kind: &str, params: Json, inputs: &[(&str, &Image)]) -> Result<Run> {

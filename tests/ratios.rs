@@ -2,46 +2,23 @@
 //! room. What is promised of all of them, what bad input gives, and where the method ends.
 
 #[allow(dead_code)]
+#[path = "support/node.rs"]
+mod node;
+#[allow(dead_code)]
 #[path = "support/room.rs"]
 mod room;
 
-use chiaro::device::Device;
 use chiaro::image::{Content, Image, Layer};
-use chiaro::node::{Inputs, Job, Key, NoMemo};
-use chiaro::progress::Progress;
 use chiaro::transport::Samples;
 use chiaro::transport::shadow::Ratio;
 use chiaro::value::Value;
-use chiaro::{Error, Result, nodes};
+use chiaro::{Error, Result};
 use room::{OBJECTS, bits, close, evaluate, evaluator, image, layer, recipe, relight};
 use serde_json::{Map, Value as Json, json};
-use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 fn run(kind: &str, params: Json, inputs: &[(&str, Value)]) -> Result<(Value, Map<String, Json>)> {
-    let node_type = nodes::find(kind).unwrap();
-    let Json::Object(params) = params else { panic!("parameters are an object") };
-    let node = (node_type.parse)(params).unwrap_or_else(|error| panic!("{kind}: {error}"));
-    let value = |name: &str| {
-        let (_, value) = inputs.iter().find(|(port, _)| *port == name)?;
-        Some((value.clone(), [Key::of(&[b"input"]); 4]))
-    };
-    let values = node_type.info.inputs.iter().map(|port| value(port.name)).collect();
-    let notes = Mutex::default();
-    let job = Job {
-        device: &Device::Cpu,
-        progress: Progress::silent(),
-        memo: &NoMemo,
-        frame: 0.0,
-        fps: 24.0,
-        base: Path::new("."),
-        out: None,
-        recipe: &String::new,
-        key: Key::of(&[b"key"]),
-        notes: &notes,
-    };
-    let value = node.run(&Inputs { info: node_type.info, values }, &job)?.swap_remove(0);
-    Ok((value, notes.into_inner().unwrap()))
+    node::run(kind, params, inputs).map(|mut ran| (ran.values.swap_remove(0), ran.notes))
 }
 
 fn as_ratio(value: Value) -> Arc<Ratio> {

@@ -78,8 +78,7 @@ pub fn plate_samples(
     };
     match geometry {
         Some(geometry) => {
-            let scene =
-                OnScene { geometry, camera: &camera, mended: &mended, width: image.width, height: image.height };
+            let scene = OnScene { geometry, camera: &camera, passes: &passes, mended: &mended };
             let (samples, off) = scene.samples(device, layers.per_pixel, residual <= FITS)?;
             if 2 * off > surface {
                 return Err(elsewhere(&mended, layers, geometry, off, surface));
@@ -122,19 +121,18 @@ fn find_camera(passes: &Passes, given: Option<&Camera>) -> Result<(Camera, f64)>
 struct OnScene<'a> {
     geometry: &'a Geometry,
     camera: &'a Camera,
+    passes: &'a Passes,
     mended: &'a Mended,
-    width: usize,
-    height: usize,
 }
 
 impl OnScene<'_> {
     /// The samples, and how many pixels are not on the scene. Rays through the camera are exact where positions are
     /// rounded to half floats, and find what is seen at an edge; they count where the plate shows the same.
     fn samples(&self, device: &Device, per_pixel: u32, camera_fits: bool) -> Result<(Samples, usize)> {
-        let size = (self.width as u32, self.height as u32);
+        let size = (self.passes.width as u32, self.passes.height as u32);
         let mut samples = Samples::view(device, self.geometry, self.camera, size, per_pixel)?;
         let count = samples.per_pixel();
-        let angle = pixel_angle(self.camera, self.height);
+        let angle = pixel_angle(self.camera, self.passes.height);
         let place = |i: usize| -> (SurfacePoint, [f32; 2], bool) {
             let (pixel, hit) = (i / count, &samples.points[i]);
             if self.mended.pixels[pixel] == Pixel::Nothing {
@@ -158,22 +156,23 @@ impl OnScene<'_> {
 
     /// Whether the plate has that surface at a pixel, or around one that shows several.
     fn shows(&self, pixel: usize, hit: &SurfacePoint, angle: f32) -> bool {
-        let is = |other: usize, reach: f32| {
-            let (position, normal) = (self.mended.positions[other], self.mended.normals[other]);
+        let is = |position: Vec3, normal: Vec3, reach: f32| {
             let near = reach * tolerance(self.camera, angle, position, normal);
             Vec3::from(hit.normal).dot(normal) > TURNED && Vec3::from(hit.position).distance(position) <= near
         };
-        if is(pixel, 1.0) {
-            return true;
+        let (mended, passes) = (self.mended, self.passes);
+        // The average itself, too: slivers at the border of the picture are taken for edges.
+        let average = passes.normals[pixel];
+        let at_pixel = is(mended.positions[pixel], mended.normals[pixel], 1.0)
+            || (average.length() >= SURE && is(passes.positions[pixel], average.normalize(), 1.0));
+        if at_pixel || mended.pixels[pixel] == Pixel::Whole {
+            return at_pixel;
         }
-        if self.mended.pixels[pixel] == Pixel::Whole {
-            return false;
-        }
-        let (x, y) = (pixel % self.width, pixel / self.width);
-        let rows = y.saturating_sub(1)..(y + 2).min(self.height);
-        let mut around =
-            rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(self.width)).map(move |x| y * self.width + x));
-        around.any(|other| self.mended.pixels[other] != Pixel::Nothing && is(other, 2.0))
+        let (x, y, width) = (pixel % passes.width, pixel / passes.width, passes.width);
+        let rows = y.saturating_sub(1)..(y + 2).min(passes.height);
+        let around = rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
+        let mut around = around.filter(|other| mended.pixels[*other] != Pixel::Nothing);
+        around.any(|other| is(mended.positions[other], mended.normals[other], 2.0))
     }
 }
 
