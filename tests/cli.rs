@@ -144,3 +144,27 @@ fn the_cpu_is_a_device() {
     // Vulkan's loader may have its own say on stderr.
     chiaro().arg("devices").assert().success().stdout(contains("cpu"));
 }
+
+#[test]
+fn info_says_what_is_in_a_file() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let plate = root.join("graphs/edits/shadow_pass_plate.exr");
+    let info = |arguments: &[&str]| chiaro().arg("info").arg(&plate).args(arguments).assert().success();
+    let layers = contains("beauty").and(contains("ratio_shadow")).and(contains("64 x 48")).and(contains("half"));
+    info(&[]).stdout(layers.and(contains("lin_rec709_scene")).and(contains("--recipe")));
+    info(&["--values"]).stdout(contains("mean"));
+    let json = info(&["--json", "--values"]).get_output().stdout.clone();
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    assert_eq!((&json["size"], &json["layers"][1]["name"]), (&serde_json::json!([64, 48]), &"ratio_shadow".into()));
+    assert_eq!(json["layers"][1]["values"]["not_finite"], 0);
+    // The recipe of a picture is a recipe.
+    let folder = tempfile::tempdir().unwrap();
+    let text = String::from_utf8(info(&["--recipe"]).get_output().stdout.clone()).unwrap();
+    chiaro().arg("check").arg(recipe(folder.path(), &text)).assert().success();
+    let picture = root.join("docs/room_plain.png");
+    chiaro().arg("info").arg(&picture).assert().success().stdout(contains("PNG"));
+    chiaro().arg("info").arg(&picture).arg("--recipe").assert().code(3).stderr(contains("no recipe"));
+    chiaro().args(["info", "no/such.exr"]).assert().code(3).stdout(is_empty()).stderr(contains("no/such.exr"));
+    chiaro().arg("info").arg(root.join("Cargo.toml")).assert().code(3);
+    chiaro().arg("info").arg(root.join("Cargo.toml")).arg("--values").assert().code(2);
+}

@@ -75,6 +75,22 @@ fn one_side_times_another_layer() {
 }
 
 #[test]
+fn all_differences_go_into_one_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let [a, b, out] = ["a.exr", "b.exr", "difference.exr"].map(|name| folder.path().join(name));
+    write(&a, &[("", 1.0), ("direct", 0.5), ("only", 1.0)]);
+    write(&b, &[("", 1.0), ("direct", 0.25)]);
+    let asked = Args { out: Some(out.clone()), ..args(a.display(), b.display()) };
+    let (text, equal) = report(&asked).unwrap();
+    assert!(!equal && text.contains("only: only in A"), "{text}");
+    let difference = exr_read::read(&out).unwrap();
+    let names: Vec<&str> = difference.layers.iter().map(|layer| layer.title()).collect();
+    assert_eq!(names, ["beauty", "direct"]);
+    assert!(difference.layers[1].data.iter().any(|x| *x != 0.0));
+    assert!(report(&Args { out: Some(folder.path().join("d.png")), ..asked }).is_ok(), "the beauty's");
+}
+
+#[test]
 fn wrong_pictures_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b] = ["a.exr", "b.exr"].map(|name| folder.path().join(name));

@@ -1,8 +1,9 @@
 //! A layer as the viewer shows it: exposure, a view transform, gamma, single channels and false colour. Only what is
 //! seen changes, never the picture.
 
-use crate::image::{Content, Image, Layer, colour};
-use glam::Vec3;
+use crate::image::view_transform::{Source, ViewTransform, Views, Wish};
+use crate::image::{ColourSpace, Content, Image, Layer, colour};
+use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
@@ -23,12 +24,31 @@ pub struct Display {
     pub false_colour: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Transform {
     /// The sRGB curve alone.
     Plain,
     /// Luminance L to L / (1 + L), then the sRGB curve.
     Reinhard,
+    /// A display and view of OpenColorIO. Data is shown plain.
+    View(Wish),
+}
+
+/// The views that there are: ACES 2.0, then those of `$OCIO` or, without it, of the configuration that ships with the
+/// library; or what is wrong with that configuration. Read once.
+pub fn views() -> &'static Result<Vec<Wish>, String> {
+    static VIEWS: LazyLock<Result<Vec<Wish>, String>> = LazyLock::new(|| {
+        let source = Source::find("", std::path::Path::new(""));
+        let list = Views::open(source.clone()).map_err(|error| error.to_string())?.list();
+        let of = |(display, views): (String, Vec<String>)| {
+            let wish = |view| Wish { source: source.clone(), display: display.clone(), view, input: String::new() };
+            views.into_iter().map(wish).collect::<Vec<_>>()
+        };
+        Ok(std::iter::once(Wish::aces())
+            .chain(list.into_iter().flat_map(of).filter(|wish| *wish != Wish::aces()))
+            .collect())
+    });
+    &VIEWS
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,10 +94,19 @@ pub fn pixels(image: &Image, display: &Display) -> Option<Vec<[u8; 4]>> {
     let stride = layer.channels.len().max(1);
     let (scale, offset) = range(layer);
     let (rgb, gain) = (layer.rgb(), display.exposure.exp2());
+    if let (Transform::View(wish), Content::Colour, false) = (&display.transform, layer.content, display.false_colour)
+        && let Ok(transform) = wish.transform(image.colour_space)
+    {
+        return Some(viewed(layer, display, gain, &transform));
+    }
+    let matrix = match layer.content {
+        Content::Colour => image.colour_space.to(ColourSpace::Rec709),
+        Content::Data => Mat3::IDENTITY,
+    };
     let fetch = |pixel: &[f32]| -> Vec3 {
         let at = |channel: usize| (pixel.get(channel).copied().unwrap_or(0.0) * scale + offset) * gain;
         let all = || match (rgb, stride) {
-            (Some(rgb), _) => Vec3::from(rgb.map(at)),
+            (Some(rgb), _) => matrix * Vec3::from(rgb.map(at)),
             (None, 3..) => Vec3::new(at(0), at(1), at(2)),
             _ => Vec3::splat(at(0)),
         };
@@ -102,6 +131,34 @@ pub fn pixels(image: &Image, display: &Display) -> Option<Vec<[u8; 4]>> {
     Some(out)
 }
 
+/// Through a view of OpenColorIO: channels are taken before it, gamma and codes come after.
+fn viewed(layer: &Layer, display: &Display, gain: f32, transform: &ViewTransform) -> Vec<[u8; 4]> {
+    let stride = layer.channels.len().max(1);
+    let rgb = layer.rgb().unwrap_or(if stride >= 3 { [0, 1, 2] } else { [0; 3] });
+    let gamma = 1.0 / display.gamma.max(0.01);
+    let mut out = vec![[0, 0, 0, 255]; layer.data.len() / stride];
+    out.par_chunks_mut(BLOCK).zip(layer.data.par_chunks(BLOCK * stride)).for_each(|(out, data)| {
+        let fetch = |pixel: &[f32]| {
+            let colour = Vec3::from(rgb.map(|at| pixel[at]));
+            let colour = match display.channel {
+                Channel::All => colour,
+                Channel::One(channel) => Vec3::splat(pixel[channel.min(stride - 1)]),
+                Channel::Luminance => Vec3::splat(colour::luminance(colour)),
+            };
+            colour.extend(1.0).to_array()
+        };
+        let mut pixels: Vec<[f32; 4]> = data.chunks_exact(stride).map(fetch).collect();
+        let finite: Vec<bool> = pixels.iter().map(|pixel| pixel.iter().all(|x| x.is_finite())).collect();
+        transform.apply(&mut pixels, gain);
+        for ((out, pixel), finite) in out.iter_mut().zip(pixels).zip(finite) {
+            let code = |x: f32| (x.clamp(0.0, 1.0).powf(gamma) * 255.0 + 0.5) as u8;
+            let shown = if finite { [pixel[0], pixel[1], pixel[2]].map(code) } else { NOT_FINITE };
+            out[..3].copy_from_slice(&shown);
+        }
+    });
+    out
+}
+
 /// Scale and offset that bring data into 0..1.
 fn range(layer: &Layer) -> (f32, f32) {
     if layer.content == Content::Colour {
@@ -118,7 +175,7 @@ fn range(layer: &Layer) -> (f32, f32) {
 
 fn encoded(value: Vec3, display: &Display) -> [u8; 3] {
     let value = match display.transform {
-        Transform::Plain => value,
+        Transform::Plain | Transform::View(_) => value,
         Transform::Reinhard => value / (1.0 + colour::luminance(value).max(0.0)),
     };
     let gamma = 1.0 / display.gamma.max(0.01);
@@ -209,6 +266,30 @@ mod tests {
         assert!(shown(Display { transform: Transform::Reinhard, ..Display::default() })[0][2] < 255);
         assert!(shown(Display { gamma: 2.0, ..Display::default() })[0][1] > 188);
         assert!(pixels(&image(), &Display { layer: "no".to_owned(), ..Display::default() }).is_none());
+    }
+
+    #[test]
+    fn views_of_ocio_are_shown_and_data_is_not_touched() {
+        let views = views().as_ref().unwrap();
+        assert!(views[0] == Wish::aces() && views.len() > 5);
+        let aces = |layer: &str, exposure| Display {
+            layer: layer.to_owned(),
+            exposure,
+            transform: Transform::View(Wish::aces()),
+            ..Display::default()
+        };
+        let mut sent = [[0.0, 0.5, 1.0, 1.0]];
+        Wish::aces().transform(ColourSpace::Rec709).unwrap().apply(&mut sent, 2.0);
+        let codes = [0, 1, 2].map(|c| (sent[0][c] * 255.0 + 0.5) as u8);
+        let beauty = shown(aces("", 1.0));
+        assert_eq!((&beauty[0][..3], &beauty[1][..3]), (&codes[..], &NOT_FINITE[..]));
+        assert_eq!(shown(aces("N", 0.0)), shown(Display { layer: "N".to_owned(), ..Display::default() }));
+        // Colours of another space are shown as the same colours.
+        let there = image().to_space(ColourSpace::AcesCg);
+        let [a, b] = [&image(), &there].map(|image| pixels(image, &aces("", 0.0)).unwrap()[0]);
+        let [c, d] = [&image(), &there].map(|image| pixels(image, &Display::default()).unwrap()[0]);
+        let near = |a: [u8; 4], b: [u8; 4]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= 1);
+        assert!(near(a, b) && near(c, d), "{a:?} {b:?} {c:?} {d:?}");
     }
 
     #[test]

@@ -43,6 +43,9 @@ pub struct Eye {
     pub size: [u32; 2],
 }
 
+/// Types of nodes whose samples are the pixels of a picture.
+pub const VIEWS: [&str; 2] = ["view_samples", "plate_samples"];
+
 /// Nodes that a viewer adds for itself are called so; no node of a recipe is, see `Staging::new`.
 const OWN: &str = "viewer_";
 
@@ -65,7 +68,7 @@ impl Staging {
     /// # Errors
     /// `Usage` when there is nothing to be seen of what is looked at.
     pub fn new(document: &Document, look: &Look, registry: &[NodeType]) -> Result<Self> {
-        let at = past_muted(document, &look.at, registry);
+        let at = there(document, past_muted(document, &look.at, registry), registry);
         let kind = kind(document, &at, registry)?;
         let mut staging = Self {
             document: document.clone(),
@@ -81,18 +84,18 @@ impl Staging {
             staging.environment = nearest(document, name, "environment").map(|node| (node, 0));
             staging.lamp = entry.inputs.get("light").and_then(|from| output_of(document, from, registry));
         }
-        let view = nearest(document, &look.at.0, "view_samples");
+        let view = nearest_of(document, &look.at.0, &VIEWS);
         match kind {
             Kind::Image | Kind::Ratio | Kind::Environment | Kind::Samples => staging.samples = view,
             Kind::Scene => staging.look_through(view, Some(&look.at), None),
             Kind::Camera => {
-                let view = view.or_else(|| of_kind(document, "view_samples"));
+                let view = view.or_else(|| of_kind(document, &VIEWS));
                 staging.look_through(view, None, Some(&look.at));
             }
             Kind::Selection => {
                 staging.mask = Some(look.at.clone());
                 let scene = nearest(document, &look.at.0, "scene").map(|scene| (scene, 0));
-                let view = view.or_else(|| of_kind(document, "view_samples"));
+                let view = view.or_else(|| of_kind(document, &VIEWS));
                 staging.look_through(view, scene.as_ref(), None);
             }
             other => {
@@ -139,7 +142,7 @@ impl Staging {
             }
         }
         if !entry.inputs.contains_key("scene") {
-            let scene = of_kind(&self.document, "scene").unwrap_or_default();
+            let scene = of_kind(&self.document, &["scene"]).unwrap_or_default();
             entry.inputs.insert("scene".to_owned(), scene);
         }
         let name = self.add("view", entry);
@@ -155,6 +158,12 @@ impl Staging {
         let params = json!({ "position": position, "target": target, "fov_y": fov_y });
         let camera = self.add("camera", node("camera", params.as_object().cloned().unwrap_or_default()));
         let mut view = NodeEntry::clone(&self.document.nodes[&samples]);
+        if view.kind != "view_samples" {
+            // A plate is seen from one place; its scene from any.
+            let Some(scene) = view.inputs.get("scene").cloned() else { return };
+            view = node("view_samples", Map::new());
+            view.inputs.insert("scene".to_owned(), scene);
+        }
         view.inputs.insert("camera".to_owned(), camera);
         view.params.insert("width".to_owned(), width.into());
         view.params.insert("height".to_owned(), height.into());
@@ -209,6 +218,19 @@ fn past_muted(document: &Document, output: &Output, registry: &[NodeType]) -> Ou
     at
 }
 
+/// The output, or the first of the node that is there, where it needs an input that is not connected.
+fn there(document: &Document, (name, output): Output, registry: &[NodeType]) -> Output {
+    let outputs = || {
+        let entry = document.nodes.get(&name)?;
+        let info = registry.iter().find(|node_type| node_type.info.name == entry.kind)?.info;
+        let is_there = |at: usize| info.outputs[at].needs.is_none_or(|needed| entry.inputs.contains_key(needed));
+        let wanted = Some(output).filter(|at| *at >= info.outputs.len() || is_there(*at));
+        wanted.or_else(|| (0..info.outputs.len()).find(|at| is_there(*at)))
+    };
+    let found = outputs().unwrap_or(output);
+    (name, found)
+}
+
 fn kind(document: &Document, (name, output): &Output, registry: &[NodeType]) -> Result<Kind> {
     let Some(entry) = document.nodes.get(name) else {
         return Err(Error::usage(format!("there is no node \"{name}\""), "view another node"));
@@ -235,12 +257,17 @@ fn seen_through(kind: Kind) -> &'static str {
 
 /// The node of a type that is fewest wires before `from`, itself included.
 pub fn nearest(document: &Document, from: &str, kind: &str) -> Option<String> {
+    nearest_of(document, from, &[kind])
+}
+
+/// The same for a node of one of several types.
+pub fn nearest_of(document: &Document, from: &str, kinds: &[&str]) -> Option<String> {
     let mut seen = vec![from];
     let mut next = 0;
     while let Some(name) = seen.get(next).copied() {
         next += 1;
         let Some(entry) = document.nodes.get(name) else { continue };
-        if entry.kind == kind {
+        if kinds.contains(&entry.kind.as_str()) {
             return Some(name.to_owned());
         }
         for (before, _) in entry.inputs.values().map(|from| split(from)) {
@@ -252,8 +279,8 @@ pub fn nearest(document: &Document, from: &str, kind: &str) -> Option<String> {
     None
 }
 
-fn of_kind(document: &Document, kind: &str) -> Option<String> {
-    document.nodes.iter().find(|(_, entry)| entry.kind == kind).map(|(name, _)| name.clone())
+fn of_kind(document: &Document, kinds: &[&str]) -> Option<String> {
+    document.nodes.iter().find(|(_, entry)| kinds.contains(&entry.kind.as_str())).map(|(name, _)| name.clone())
 }
 
 #[cfg(test)]
@@ -298,6 +325,31 @@ mod tests {
             let error = Staging::new(&document(), &Look::new(node, 0), nodes::ALL).err().unwrap();
             assert!(error.help().contains(word), "{error}: {}", error.help());
         }
+    }
+
+    #[test]
+    fn plates_are_views_and_what_is_not_there_is_not_shown() {
+        let text = json!({ "chiaro": 1, "nodes": {
+            "room": { "type": "scene", "params": { "file": "builtin:room" } },
+            "plate": { "type": "read_image", "params": { "file": "plate.exr" } },
+            "view": { "type": "plate_samples", "inputs": { "image": "plate", "scene": "room" } },
+            "way": { "type": "transfer", "inputs": { "scene": "room", "samples": "view" } },
+            "lit": { "type": "relight", "inputs": { "scene": "room", "transfer": "way" } },
+            "wall": { "type": "pick", "inputs": { "scene": "room" } },
+            "part": { "type": "matte", "inputs": { "image": "plate" } },
+            "whole": { "type": "matte", "inputs": { "image": "plate", "samples": "view" } },
+        }});
+        let document = Document::parse(Path::new("test.json"), &text.to_string()).unwrap();
+        let staged = |look: Look| Staging::new(&document, &look, nodes::ALL).unwrap();
+        assert_eq!(staged(Look::new("lit", 0)).samples.as_deref(), Some("view"));
+        assert_eq!(staged(Look::new("part", 0)).picture, ("part".to_owned(), 1), "without samples, the matte");
+        assert_eq!(staged(Look::new("whole", 0)).mask, Some(("whole".to_owned(), 0)));
+        let wall = staged(Look::new("wall", 0));
+        assert_eq!(wall.document.nodes[wall.samples.as_ref().unwrap()].kind, "plate_samples");
+        let eye = Eye { position: [0.0, 1.0, 5.0], target: [0.0; 3], fov_y: 40.0, size: [64, 48] };
+        let free = staged(Look { eye: Some(eye), clay: true, ..Look::new("lit", 0) });
+        let view = &free.document.nodes[free.samples.as_ref().unwrap()];
+        assert_eq!((view.kind.as_str(), view.inputs["scene"].as_str()), ("view_samples", "room"));
     }
 
     #[test]

@@ -184,6 +184,10 @@ impl Run {
 /// The recipe with fewer pixels, where that is to be had.
 fn coarse(document: &Document, registry: &[NodeType]) -> Option<Document> {
     let view = registry.iter().find(|node_type| node_type.info.name == "view_samples")?;
+    // Pictures from files keep their size, and what is merged with them must have it.
+    if document.nodes.values().any(|entry| entry.kind == "read_image") {
+        return None;
+    }
     let defaults = (view.defaults)();
     let mut document = document.clone();
     let mut changed = false;

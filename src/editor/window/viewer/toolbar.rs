@@ -1,9 +1,10 @@
 //! The bar above a picture.
 
 use super::{Camera, Compare, Viewer};
-use crate::editor::display::{Channel, Transform};
+use crate::editor::display::{Channel, Display, Transform, views};
 use crate::editor::window::look::named;
 use crate::editor::window::state::{State, Tool};
+use crate::image::view_transform::Wish;
 use crate::value::Kind;
 use egui::{ComboBox, DragValue, Ui, WidgetType};
 
@@ -112,19 +113,32 @@ fn display(viewer: &mut Viewer, ui: &mut Ui) {
     named(ui.add(exposure), WidgetType::DragValue, "exposure").on_hover_text("exposure, in stops");
     let gamma = DragValue::new(&mut display.gamma).speed(0.01).range(0.1..=10.0).prefix("γ ");
     named(ui.add(gamma), WidgetType::DragValue, "gamma").on_hover_text("gamma, on top of the view transform");
-    let name = |transform| match transform {
-        Transform::Plain => "sRGB",
-        Transform::Reinhard => "Reinhard",
+    transforms(display, ui);
+    ui.toggle_value(&mut display.false_colour, "False colour").on_hover_text("stops over middle grey as colours");
+    ui.toggle_value(&mut viewer.settings.show_mask, "Selection").on_hover_text("tints what the chosen node selects");
+}
+
+/// The view transform: plain ones, ACES, and all displays and views of `$OCIO`.
+fn transforms(display: &mut Display, ui: &mut Ui) {
+    let name = |transform: &Transform| match transform {
+        Transform::Plain => "sRGB".to_owned(),
+        Transform::Reinhard => "Reinhard".to_owned(),
+        Transform::View(wish) if *wish == Wish::aces() => "ACES 2.0".to_owned(),
+        Transform::View(wish) => format!("{}: {}", wish.display, wish.view),
     };
-    let list = ComboBox::from_id_salt("transform").width(80.0).selected_text(name(display.transform));
+    let list = ComboBox::from_id_salt("transform").width(80.0).selected_text(name(&display.transform)).truncate();
     let list = list.show_ui(ui, |ui| {
-        for transform in [Transform::Plain, Transform::Reinhard] {
-            ui.selectable_value(&mut display.transform, transform, name(transform));
+        let known = views().as_deref().unwrap_or(&[]);
+        let all = known.iter().cloned().map(Transform::View);
+        for transform in [Transform::Plain, Transform::Reinhard].into_iter().chain(all) {
+            let text = name(&transform);
+            ui.selectable_value(&mut display.transform, transform, text);
+        }
+        if let Err(problem) = views() {
+            ui.weak(format!("$OCIO: {problem}"));
         }
     });
     named(list.response, WidgetType::ComboBox, "view transform");
-    ui.toggle_value(&mut display.false_colour, "False colour").on_hover_text("stops over middle grey as colours");
-    ui.toggle_value(&mut viewer.settings.show_mask, "Selection").on_hover_text("tints what the chosen node selects");
 }
 
 fn compare(viewer: &mut Viewer, state: &State, ui: &mut Ui) {

@@ -4,7 +4,7 @@ use super::hand::{Hand, REACH, chosen, radius};
 use super::{Drag, Swing};
 use crate::editor::hands::handles::Handle;
 use crate::editor::hands::{light, stroke};
-use crate::editor::look::nearest;
+use crate::editor::look::{VIEWS, nearest, nearest_of};
 use crate::editor::window::state::{State, Tool};
 use crate::editor::window::viewer::Viewer;
 use egui::Pos2;
@@ -73,7 +73,7 @@ pub fn begin(viewer: &Viewer, state: &mut State, hand: &Hand, handles: &[Handle]
 fn scene_of(viewer: &Viewer, state: &State) -> Option<String> {
     let (node, _) = viewer.at(state)?;
     let document = state.document();
-    let view = nearest(document, &node, "view_samples");
+    let view = nearest_of(document, &node, &VIEWS);
     let of_view = view.and_then(|view| document.nodes[&view].inputs.get("scene").cloned());
     of_view.or_else(|| nearest(document, &node, "scene"))
 }
