@@ -31,13 +31,14 @@ impl Node for Compare {
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let (a, b) = (inputs.need_image("a")?, inputs.need_image("b")?);
         super::merge::same_size(a, b, ["a", "b"])?;
+        let a = &a.to_space(b.colour_space);
         let shared = a.layers.iter().filter(|layer| b.layer(&layer.name).is_some()).map(|layer| layer.name.clone());
         let names: Vec<String> = if self.layers.is_empty() { shared.collect() } else { self.layers.clone() };
         if names.is_empty() {
             let message = "the pictures have no layer in common";
             return Err(Error::compute(message, "name the layers to compare"));
         }
-        let mut image = Image { width: a.width, height: a.height, ..Image::default() };
+        let mut image = Image { width: a.width, height: a.height, colour_space: b.colour_space, ..Image::default() };
         for name in &names {
             let find = |image: &Image| image.find(name).cloned().map_err(|e| Error::compute(e.message, e.help));
             let (left, right) = (find(a)?, find(b)?);

@@ -80,6 +80,14 @@ impl Node for Cryptomatte {
             }
             job.note(&format!("{matte} pixels with more than ranks"), ranked.cut);
             image.layers.extend(ranked.layers);
+            // Headers of a matte of that name whose layers are gone.
+            let key = cryptomatte::header_key(matte);
+            let stale = |(name, value): &(String, String)| name.ends_with("/name") && value == matte;
+            let mut keys: Vec<String> =
+                image.metadata.iter().filter(|field| stale(field)).map(|(name, _)| name.clone()).collect();
+            keys.push(format!("{key}/name"));
+            let keys: Vec<&str> = keys.iter().filter_map(|name| name.strip_suffix("name")).collect();
+            image.metadata.retain(|(name, _)| !keys.iter().any(|key| name.starts_with(key)));
             image.metadata.extend(ranked.metadata);
         }
         Ok(vec![Value::Image(Arc::new(image))])

@@ -1,6 +1,6 @@
 //! Light from far away, all around: a latitude-longitude map, laid on a cube.
 
-use crate::image::{Image, colour, load};
+use crate::image::{ColourSpace, Image, colour, load};
 use crate::node::{Info, Inputs, Job, Node, Port, frame_path};
 use crate::scene::builtin::skies;
 use crate::scene::{LatLong, cube};
@@ -112,7 +112,7 @@ fn built_in(name: &str) -> Result<LatLong> {
 
 /// The beauty of a picture, as a map; grey where it has one channel alone.
 fn read(path: &Path) -> Result<LatLong> {
-    let Image { width, height, layers, .. } = load::load(path, Some(&[""]))?;
+    let Image { width, height, layers, .. } = load::load(path, Some(&[""]))?.to_space(ColourSpace::Rec709);
     let layer = &layers[0];
     let channels = match (layer.rgb(), layer.channels.len()) {
         (Some(rgb), _) => rgb,

@@ -84,6 +84,11 @@ impl Matte {
             let message = format!("names are given, and channel \"{}\"", self.channel);
             return Err(Error::compute(message, "give either names or a channel"));
         }
+        let lists = self.lists().iter().filter(|(_, names)| !names.is_empty()).count();
+        if lists > 1 && !self.layer.is_empty() {
+            let message = format!("layer \"{}\" is one Cryptomatte, names are given for {lists}", self.layer);
+            return Err(Error::compute(message, "leave layer empty, or use a matte node for each kind"));
+        }
         let mut least: Option<Vec<f32>> = None;
         for (kind, names) in self.lists().into_iter().filter(|(_, names)| !names.is_empty()) {
             let wanted = if self.layer.is_empty() { kind } else { &self.layer };

@@ -71,6 +71,7 @@ impl Node for Merge {
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let (a, b) = (inputs.need_image("a")?, inputs.need_image("b")?);
         same_size(a, b, ["a", "b"])?;
+        let a = &a.to_space(b.colour_space);
         let mask = match inputs.image("mask") {
             Some(mask) => {
                 same_size(mask, b, ["mask", "b"])?;

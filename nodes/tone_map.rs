@@ -42,7 +42,7 @@ pub struct ToneMap {
     /// The luminance that `reinhard` maps to the display's white; other operators do not use it.
     #[schemars(range(min = 0.01, max = 1e6))]
     pub white: f32,
-    /// For `ocio`: the configuration. Empty: that of `$OCIO`, or ACES 2.0 without it.
+    /// For `ocio`: the configuration, a file or `ocio://NAME`. Empty: that of `$OCIO`, or ACES 2.0 without it.
     pub config: String,
     /// For `ocio`: the display. Empty: the configuration's own choice.
     pub display: String,
@@ -69,7 +69,11 @@ impl Node for ToneMap {
         version: 2,
         summary: "Compresses scene-linear light into the range of a display",
         inputs: &[Port::new("image", Kind::Image, "Scene-linear picture")],
-        outputs: &[Port::new("image", Kind::Image, "Linear display-referred picture; other layers as they were")],
+        outputs: &[Port::new(
+            "image",
+            Kind::Image,
+            "Linear display-referred picture in Rec.709; other layers as they were",
+        )],
         ..Info::NEW
     };
 
@@ -90,19 +94,20 @@ impl Node for ToneMap {
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let image = inputs.need_image("image")?;
         let map = self.map(job, image.colour_space)?;
-        let mut mapped: Image = match map {
-            Map::Kernel(_) => image.to_space(ColourSpace::Rec709),
-            Map::View(_) => (**image).clone(),
-        };
+        // What is not mapped is brought along: a picture has one space.
+        let mut mapped: Image = image.to_space(ColourSpace::Rec709);
         let beauty = [String::new()];
         let names = if self.layers.is_empty() { &beauty[..] } else { &self.layers };
         let mut not_finite = 0;
         for name in names {
             let at = mapped.place(name).map_err(|e| Error::compute(e.message, e.help))?;
-            mapped.layers[at] = self.apply(&mapped.layers[at], &map, job, &mut not_finite)?;
+            let source = match map {
+                Map::Kernel(_) => mapped.layers[at].clone(),
+                Map::View(_) => image.layers[at].clone(),
+            };
+            mapped.layers[at] = self.apply(&source, &map, job, &mut not_finite)?;
             job.progress.check()?;
         }
-        mapped.colour_space = ColourSpace::Rec709;
         if not_finite > 0 {
             job.note("pixels_not_finite", not_finite);
         }

@@ -59,13 +59,11 @@ pub fn develop(shown: &Shown, settings: &Settings) -> Developed {
 }
 
 fn pixels(image: &Image, settings: &Settings) -> Pixels {
-    let has = |name: &str| image.layer(name).is_some();
-    let first = || image.layers.first().map(|layer| layer.name.clone()).unwrap_or_default();
-    let layer = match &settings.display.layer {
-        name if has(name) => name.clone(),
-        _ if has("") => String::new(),
-        _ => first(),
+    let shown = match &settings.display.layer {
+        name if image.layer(name).is_some() => image.layer(name),
+        _ => image.find("").ok().or(image.layers.first()),
     };
+    let layer = shown.map(|layer| layer.name.clone()).unwrap_or_default();
     let display = Display { layer, ..settings.display.clone() };
     let step = image.width.max(image.height).div_ceil(settings.most.max(1)).max(1);
     let data = display::pixels(image, &display).unwrap_or_default();

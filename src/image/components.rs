@@ -41,7 +41,9 @@ impl Part {
     }
 }
 
+/// Blender's passes of light are without surface colour, which these are.
 const COLOUR: [&str; 2] = ["diffusecolor", "diffcol"];
+const COLOURLESS: [&str; 4] = ["diffusedirect", "diffuseindirect", "diffdir", "diffind"];
 
 /// How one light of a plate is called.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -67,22 +69,21 @@ pub struct Component {
 pub fn known(image: &Image) -> Vec<Component> {
     let home = image.place("").map_or("", |beauty| names::split(&image.layers[beauty].name).0);
     // Layers of the beauty's own view layer before those of others.
+    let bare = |layer: &Layer| names::bare(names::split(&layer.name).1);
     let find = |known: &[&str]| {
-        let is = |layer: &&Layer| known.contains(&bare(names::split(&layer.name).1).as_str()) && layer.rgb().is_some();
+        let is = |layer: &&Layer| known.contains(&bare(layer).as_str()) && layer.rgb().is_some();
         let mut found: Vec<&Layer> = image.layers.iter().filter(is).collect();
         found.sort_by_key(|layer| names::split(&layer.name).0 != home);
         let first = *found.first()?;
         image.layers.iter().position(|layer| std::ptr::eq(layer, first))
     };
     let colour = find(&COLOUR);
-    Part::ALL
-        .iter()
-        .filter_map(|part| Some(Component { light: *part, layer: find(&part.known_as())?, colour }))
-        .collect()
-}
-
-fn bare(name: &str) -> String {
-    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+    let component = |part: &Part| {
+        let layer = find(&part.known_as())?;
+        let is_without = COLOURLESS.contains(&bare(&image.layers[layer]).as_str());
+        Some(Component { light: *part, layer, colour: colour.filter(|_| is_without) })
+    };
+    Part::ALL.iter().filter_map(component).collect()
 }
 
 /// The lights that the user names.
@@ -97,7 +98,12 @@ pub fn named(image: &Image, list: &[Named]) -> Result<Vec<Component>> {
             return Err(Error::compute(message, "name each light once"));
         }
         let colour = if colour.is_empty() { None } else { Some(coloured(image, colour)?) };
-        found.push(Component { light: *light, layer: coloured(image, layer)?, colour });
+        let place = coloured(image, layer)?;
+        if found.iter().any(|other| other.layer == place) {
+            let message = format!("components: layer \"{layer}\" is named for two lights");
+            return Err(Error::compute(message, "name each layer once"));
+        }
+        found.push(Component { light: *light, layer: place, colour });
     }
     Ok(found)
 }
@@ -140,6 +146,8 @@ mod tests {
         assert_eq!(found(&["", "Diffuse_Indirect", "Diffuse_Color"]), [(indirect, 1, Some(2))]);
         let arnold = ["RGBA", "diffuse_direct", "diffuse_indirect", "diffuse_albedo"];
         assert_eq!(found(&arnold), [(direct, 1, None), (indirect, 2, None)]);
+        let karma = ["C", "directdiffuse", "diffuse_color"];
+        assert_eq!(found(&karma), [(direct, 1, None)], "radiance, whatever else there is");
         assert_eq!(found(&["", "indirectDiffuse", "directDiffuse"]), [(direct, 2, None), (indirect, 1, None)]);
         assert_eq!(found(&["", "specular"]), []);
         let two = ["A.Diffuse Direct", "B.Combined", "B.Diffuse Direct"];

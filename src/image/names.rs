@@ -34,13 +34,19 @@ pub fn rank(channel: &str) -> usize {
 
 /// Layers that hold positions, distances or identifiers even where their channels are called R, G and B.
 pub fn is_data(layer: &str) -> bool {
-    let own = split(layer).1.to_ascii_lowercase();
+    let own = bare(split(layer).1);
     let base = own.trim_end_matches(|c: char| c.is_ascii_digit());
-    base.starts_with("crypto")
-        || matches!(
-            base,
-            "p" | "n" | "z" | "id" | "uv" | "st" | "position" | "normal" | "depth" | "vector" | "motionvector"
-        )
+    let data = ["z", "id", "uv", "st", "depth", "vector", "motionvector"];
+    base.starts_with("crypto") || data.contains(&base) || POSITION.contains(&base) || NORMAL.contains(&base)
+}
+
+/// What renderers call world positions and world normals, as `bare` gives them.
+pub const POSITION: [&str; 4] = ["p", "position", "worldposition", "pworld"];
+pub const NORMAL: [&str; 4] = ["n", "normal", "worldnormal", "nworld"];
+
+/// A name without case, blanks, underscores and the like.
+pub fn bare(name: &str) -> String {
+    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }
 
 /// How a layer is called in messages: the beauty has no name of its own.
@@ -48,9 +54,13 @@ pub fn title(layer: &str) -> &str {
     if layer.is_empty() { "beauty" } else { layer }
 }
 
+/// What the beauty is called where it has a name: by Blender, Arnold and Nuke, Karma, RenderMan.
+/// As `bare` gives it; the first that is there counts.
+const BEAUTY: [&str; 5] = ["combined", "rgba", "beauty", "c", "ci"];
+
 /// Index of the layer called `wanted`. A name may leave leading parts out (`Diffuse Color` for
-/// `ViewLayer.Diffuse Color`) where that is not ambiguous; the empty name and `beauty` are the beauty, which Blender
-/// calls `Combined`.
+/// `ViewLayer.Diffuse Color`) where that is not ambiguous; the empty name and `beauty` are the beauty, whatever it
+/// is called.
 pub fn find(names: &[&str], wanted: &str) -> Result<usize, NotFound> {
     if let Some(exact) = names.iter().position(|&name| name == wanted) {
         return Ok(exact);
@@ -59,12 +69,13 @@ pub fn find(names: &[&str], wanted: &str) -> Result<usize, NotFound> {
     if beauty && let Some(exact) = names.iter().position(|name| name.is_empty()) {
         return Ok(exact);
     }
-    let matching = |name: &str| {
-        let (_, own) = split(name);
-        (beauty && matches!(own, "Combined" | "rgba" | "RGBA" | "beauty"))
-            || (!wanted.is_empty() && name.strip_suffix(wanted).is_some_and(|rest| rest.ends_with('.')))
+    let indices = |matching: &dyn Fn(&str) -> bool| -> Vec<usize> {
+        (0..names.len()).filter(|&index| matching(names[index])).collect()
     };
-    let found: Vec<usize> = (0..names.len()).filter(|&index| matching(names[index])).collect();
+    let beauties = BEAUTY.iter().map(|known| indices(&|name| beauty && bare(split(name).1) == *known));
+    let found = beauties.into_iter().find(|found| !found.is_empty()).unwrap_or_else(|| {
+        indices(&|name| !wanted.is_empty() && name.strip_suffix(wanted).is_some_and(|rest| rest.ends_with('.')))
+    });
     let list = |indices: &mut dyn Iterator<Item = usize>| {
         indices.map(|index| format!("\"{}\"", title(names[index]))).collect::<Vec<_>>().join(", ")
     };
@@ -111,6 +122,11 @@ mod tests {
         assert_eq!(find(&names, ""), Ok(0));
         assert_eq!(find(&names, "beauty"), Ok(0));
         assert_eq!(find(&["", "beauty"], "beauty"), Ok(1));
+        assert_eq!(find(&["C", "C_key"], "beauty"), Ok(0), "Karma's");
+        assert_eq!(find(&["RGBA_key", "RGBA", "N"], ""), Ok(1), "Arnold's");
+        assert!(find(&["Ci_key", "albedo"], "beauty").is_err());
+        assert_eq!(find(&["Beauty", "C", "V.Combined"], ""), Ok(2), "several names: the first that is known");
+        assert!(find(&["A.Combined", "B.Combined"], "").is_err(), "one name twice");
         let missing = find(&names, "Difuse Color").unwrap_err();
         assert!(missing.message.contains("\"ViewLayer.Combined_key\""), "{missing:?}");
         assert!(missing.help.contains("ViewLayer.Diffuse Color"), "{missing:?}");
@@ -121,6 +137,7 @@ mod tests {
     #[test]
     fn knows_data() {
         assert!(is_data("P") && is_data("ViewLayer.CryptoObject00") && is_data("ViewLayer.Normal"));
+        assert!(is_data("__Pworld") && is_data("World Position") && is_data("V.Depth"));
         assert!(!is_data("ViewLayer.Diffuse Color") && !is_data("") && !is_data("indirect"));
     }
 }

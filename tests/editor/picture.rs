@@ -147,7 +147,11 @@ fn layers_exposure_and_false_colour_change_what_is_shown() {
     // Brighter, where a tone curve bends.
     desk.fill("exposure", "2");
     let bright = shot(&mut desk);
-    for (list, entry, back) in [("view transform", "Reinhard", "sRGB"), ("channel", "luminance", "all")] {
+    for (list, entry, back) in [
+        ("view transform", "Reinhard", "sRGB"),
+        ("view transform", "ACES 2.0", "sRGB"),
+        ("channel", "luminance", "all"),
+    ] {
         desk.click(list);
         desk.click(entry);
         let [r, g, b, _] = shot(&mut desk);

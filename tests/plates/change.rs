@@ -253,3 +253,36 @@ fn the_heads_shadow_goes_from_a_plate() {
         assert!(before > 0.25 && after < most && direct < most, "{object:?}: {before} {after} {direct}");
     }
 }
+
+/// Two plates and no scene: the shadow that one has goes into the other, edited or not.
+#[test]
+fn a_shadow_of_two_plates_goes_from_one_into_the_other() {
+    let test = "a_shadow_of_two_plates_goes_from_one_into_the_other";
+    let files = ["plates/plaza-night/direct.exr", "plates/plaza-night/direct-no-head.exr"];
+    let found = support::all_data(test, &files);
+    let [with, without] = found.as_slice() else { return };
+    let [with, without] = [with, without].map(|path| exr_read::read(path).unwrap());
+    let ratio = ratio(json!({}), &with, Some(&without)).unwrap();
+    assert_eq!(ratio.notes["layer"], "ViewLayer.Diffuse Direct");
+    let put = |ratio: Arc<Ratio>| {
+        let inputs = [("image", image(&without)), ("ratio", Value::Ratio(ratio))];
+        run("synthesize_shadow", json!({}), &inputs).unwrap().image()
+    };
+    let error = |a: &Image, pass: &str| {
+        let (a, b) = (a.find(pass).unwrap(), with.find(pass).unwrap());
+        compare::compare(a, b, 640).unwrap().relative()
+    };
+    let back = put(ratio.ratio());
+    println!("Diffuse Direct {:.2e}, Combined {:.2e}", error(&back, "Diffuse Direct"), error(&back, "Combined"));
+    assert!(error(&without, "Combined") > 0.05, "the plates differ");
+    assert!(error(&back, "Diffuse Direct") < 1e-6 && error(&back, "Combined") < 2e-3);
+    let graded = run("ratio_grade", json!({ "strength": 0.0 }), &[("ratio", Value::Ratio(ratio.ratio()))]).unwrap();
+    assert_eq!(bits(&put(graded.ratio())), bits(&without), "a shadow of no strength is none");
+    let moved = json!({ "translate": [0.2, 0.0] });
+    let moved = run("ratio_transform", moved, &[("ratio", Value::Ratio(ratio.ratio()))]).unwrap();
+    let moved = put(moved.ratio());
+    assert!(
+        error(&moved, "Combined") > 0.05
+            && compare::compare(moved.find("").unwrap(), without.find("").unwrap(), 640).unwrap().relative() > 0.05
+    );
+}

@@ -23,15 +23,22 @@ pub(super) struct Plan {
 /// Groups the channels of all parts into layers, in the order of the file.
 pub(super) fn plan_layers(headers: &[Header]) -> Vec<Plan> {
     let mut plans: Vec<Plan> = Vec::new();
+    let name_of =
+        |header: &Header| header.own_attributes.layer_name.as_ref().map_or(String::new(), |n| text(n.as_slice()));
+    let is_beauty = |name: &str| names::find(&[name], "").is_ok();
+    // One that is called otherwise is the beauty only where none is called so, and never data.
+    let named_beauty = headers.iter().any(|header| is_beauty(&name_of(header)))
+        || headers.first().is_some_and(|first| names::is_data(&name_of(first)));
     for (part, header) in headers.iter().enumerate() {
-        let part_name = header.own_attributes.layer_name.as_ref().map_or(String::new(), |n| text(n.as_slice()));
+        let part_name = name_of(header);
         let plain: Vec<String> = header.channels.list.iter().map(|c| text(c.name.as_slice())).collect();
         let has_red = plain.iter().any(|name| names::canonical(name) == "R");
         let first_of_part = plans.len();
         let mut offset = 0;
         for (channel, full) in header.channels.list.iter().zip(&plain) {
             let (prefix, own) = names::split(full);
-            let by_part = headers.len() > 1 && !part_name.is_empty() && !(part == 0 && has_red);
+            let unnamed = part == 0 && has_red && (is_beauty(&part_name) || !named_beauty);
+            let by_part = headers.len() > 1 && !part_name.is_empty() && !unnamed;
             let beauty = names::rank(names::canonical(own)) < 4 || (!has_red && names::canonical(own) == "Y");
             let layer = match prefix {
                 "" if by_part => part_name.clone(),

@@ -10,7 +10,7 @@ pub use ready::Wish;
 use super::ColourSpace;
 use crate::names::suggest;
 use crate::{Error, Result};
-use glam::Mat3;
+use glam::{Mat3, Vec3};
 use ocio::processor::CpuProcessor;
 use ocio::{Config, TransformDirection};
 use rayon::prelude::*;
@@ -29,35 +29,49 @@ const BLOCK: usize = 4096;
 pub enum Source {
     /// ACES 2.0.
     BuiltIn,
+    /// Another that ships with the library, as `ocio://NAME`.
+    Shipped(String),
     File(PathBuf),
 }
 
 impl Source {
     /// The file that is named, else that of `$OCIO`, else what ships with the library.
     pub fn find(file: &str, base: &Path) -> Self {
-        let named = |path: PathBuf| if path.as_os_str().is_empty() { Self::BuiltIn } else { Self::File(path) };
-        match (file.is_empty(), std::env::var_os("OCIO")) {
-            (false, _) => Self::File(base.join(file)),
-            (true, Some(path)) if !path.to_string_lossy().starts_with("ocio://") => named(path.into()),
-            (true, _) => Self::BuiltIn,
+        Self::named(file, base, std::env::var("OCIO").ok())
+    }
+
+    fn named(file: &str, base: &Path, environment: Option<String>) -> Self {
+        let of = |name: &str, base: &Path| match name.starts_with("ocio://") {
+            true => Self::Shipped(name.to_owned()),
+            false => Self::File(base.join(name)),
+        };
+        let here = || std::env::current_dir().unwrap_or_default();
+        match (file, environment.filter(|name| !name.is_empty())) {
+            ("", Some(name)) => of(&name, &here()),
+            ("", None) => Self::BuiltIn,
+            (file, _) => of(file, base),
         }
     }
 
     pub fn file(&self) -> Option<&Path> {
         match self {
-            Self::BuiltIn => None,
+            Self::BuiltIn | Self::Shipped(_) => None,
             Self::File(path) => Some(path),
         }
     }
 
     fn title(&self) -> String {
-        self.file().map_or_else(|| "the built-in configuration".to_owned(), |path| path.display().to_string())
+        match self {
+            Self::BuiltIn => "the built-in configuration".to_owned(),
+            Self::Shipped(name) => name.clone(),
+            Self::File(path) => path.display().to_string(),
+        }
     }
 
     fn fault(&self, message: impl Into<String>, help: impl Into<String>) -> Error {
         match self {
             Self::File(path) => Error::file(path, message, help),
-            Self::BuiltIn => Error::compute(message, help),
+            Self::BuiltIn | Self::Shipped(_) => Error::compute(message, help),
         }
     }
 }
@@ -102,6 +116,7 @@ impl Views {
     pub fn open(source: Source) -> Result<Self> {
         let config = match &source {
             Source::BuiltIn => guarded(&source, || Config::create_from_file(BUILT_IN))?,
+            Source::Shipped(name) => guarded(&source, || Config::create_from_file(name))?,
             Source::File(path) => {
                 std::fs::metadata(path).map_err(|e| Error::file(path, e.to_string(), "check the path, or $OCIO"))?;
                 guarded(&source, || Config::create_from_file(&path.to_string_lossy()))?
@@ -197,14 +212,11 @@ impl ViewTransform {
         pixels.par_chunks_mut(BLOCK).for_each(|pixels| {
             let before = pixels.to_vec();
             for pixel in pixels.iter_mut() {
-                let colour = self.matrix * glam::Vec3::new(pixel[0], pixel[1], pixel[2]) * gain;
-                // Beyond this the library's curves overflow.
-                let colour = if colour.is_finite() {
-                    colour.clamp(glam::Vec3::splat(-1e6), glam::Vec3::splat(1e6))
-                } else {
-                    glam::Vec3::ZERO
-                };
-                *pixel = [colour.x, colour.y, colour.z, 1.0];
+                // Beyond this the library's curves overflow; infinite light is as much as they take.
+                let bound = |x: f32| if x.is_nan() { 0.0 } else { x.clamp(-1e6, 1e6) };
+                let [r, g, b, _] = pixel.map(|x| bound(x * gain));
+                let [r, g, b] = (self.matrix * Vec3::new(r, g, b)).to_array().map(bound);
+                *pixel = [r, g, b, 1.0];
             }
             self.processor.apply_rgba_slice(pixels.as_flattened_mut());
             for (pixel, before) in pixels.iter_mut().zip(before) {
@@ -243,6 +255,8 @@ mod tests {
         }
         let odd = mapped(&aces, [f32::NAN, f32::INFINITY, 0.2]);
         assert!(odd[0].is_nan() && odd[1..3].iter().all(|x| x.is_finite()), "{odd:?}");
+        let blown = mapped(&aces, [f32::INFINITY, f32::MAX, 1e9]);
+        assert!(blown[..3].iter().all(|x| *x > 0.95), "infinite light is white: {blown:?}");
         // The same colour, whatever space it comes in.
         let colour = glam::Vec3::new(0.5, 0.2, 0.1);
         let other = Wish::aces().transform(ColourSpace::AcesCg).unwrap();
@@ -266,6 +280,21 @@ mod tests {
         let plain = views.transform("sRGB - Display", "Un-tone-mapped", "", ColourSpace::Rec709).unwrap();
         let half = mapped(&plain, [0.5; 3]);
         assert!((half[0] - crate::image::colour::srgb_from_linear(0.5)).abs() < 1e-4, "{half:?}");
+    }
+
+    #[test]
+    fn a_configuration_is_that_of_the_recipe_or_of_the_environment() {
+        let base = Path::new("recipes");
+        let named = |file: &str, environment: Option<&str>| Source::named(file, base, environment.map(str::to_owned));
+        assert_eq!(named("", None), Source::BuiltIn);
+        assert_eq!(named("", Some("")), Source::BuiltIn);
+        assert_eq!(named("a.ocio", Some("/b.ocio")), Source::File("recipes/a.ocio".into()));
+        assert_eq!(named("", Some("/b.ocio")), Source::File("/b.ocio".into()));
+        let Source::File(here) = named("", Some("b.ocio")) else { panic!("a file") };
+        assert!(here.is_absolute() && here.ends_with("b.ocio"), "{here:?}");
+        let studio = named("", Some("ocio://studio-config-v4.0.0_aces-v2.0_ocio-v2.5"));
+        assert!(matches!(studio, Source::Shipped(_)) && Views::open(studio).unwrap().list().len() > 5);
+        assert!(Views::open(Source::Shipped("ocio://none".into())).is_err());
     }
 
     #[test]

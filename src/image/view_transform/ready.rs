@@ -47,10 +47,10 @@ impl Wish {
                 return Ok(known[at].transform.clone());
             }
             known.remove(at);
-            // The library keeps what it read of files.
-            super::forget();
         }
         drop(known);
+        // The library keeps what it read of files, and what failed of them.
+        super::forget();
         let before = self.source.file().map(stamp);
         let transform =
             Arc::new(Views::open(self.source.clone())?.transform(&self.display, &self.view, &self.input, pixels)?);
@@ -107,6 +107,11 @@ mod tests {
         assert!((shown().0 - 0.625).abs() < 1e-5, "the table has changed: {}", shown().0);
         write(0.125, 0.625);
         assert!((shown().0 - 0.625 / 8.0).abs() < 1e-5, "the configuration has changed: {}", shown().0);
+        // A table that was damaged and is repaired.
+        std::fs::write(folder.path().join("look.cube"), "LUT_1D_SIZE x").unwrap();
+        assert!(wish.transform(ColourSpace::Rec709).is_err());
+        write(1.0, 0.75);
+        assert!((shown().0 - 0.75).abs() < 1e-5, "{}", shown().0);
         std::fs::remove_file(folder.path().join("look.cube")).unwrap();
         assert!(wish.transform(ColourSpace::Rec709).err().unwrap().to_string().contains("config.ocio"));
     }

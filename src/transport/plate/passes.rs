@@ -15,7 +15,7 @@ pub enum UpAxis {
     /// glTF, Maya, Houdini, Karma, Arnold.
     #[default]
     Y,
-    /// Blender, 3ds Max, Unreal.
+    /// Blender, 3ds Max.
     Z,
 }
 
@@ -55,9 +55,6 @@ pub struct Passes {
     pub not_finite: usize,
 }
 
-/// Names that renderers give their passes, in lower case.
-const POSITION: [&str; 5] = ["p", "position", "worldposition", "world_position", "pworld"];
-const NORMAL: [&str; 5] = ["n", "normal", "worldnormal", "world_normal", "nworld"];
 /// Averages of normals shorter than this are of nothing.
 const NOTHING: f32 = 0.02;
 
@@ -67,8 +64,8 @@ impl Passes {
     /// # Errors
     /// `Compute` for layers that are not there, or have less than three channels.
     pub fn read(image: &Image, position: &str, normal: &str, up: UpAxis, scale: f32) -> Result<Self> {
-        let positions = vectors(find(image, position, &POSITION, "position_layer")?)?;
-        let normals = vectors(find(image, normal, &NORMAL, "normal_layer")?)?;
+        let positions = vectors(find(image, position, &names::POSITION, "position_layer")?)?;
+        let normals = vectors(find(image, normal, &names::NORMAL, "normal_layer")?)?;
         let pairs = positions.into_par_iter().zip(normals);
         let pairs: Vec<(Vec3, Vec3, bool)> = pairs
             .map(|(position, normal)| {
@@ -106,7 +103,7 @@ fn find<'a>(image: &'a Image, name: &str, known: &[&str], parameter: &str) -> Re
     if !name.is_empty() {
         return image.find(name).map_err(|e| Error::compute(format!("{parameter}: {}", e.message), e.help));
     }
-    let is = |layer: &&Layer| known.contains(&names::split(&layer.name).1.to_ascii_lowercase().as_str());
+    let is = |layer: &&Layer| known.contains(&names::bare(names::split(&layer.name).1).as_str());
     image.layers.iter().find(is).ok_or_else(|| {
         let list = image.layers.iter().map(Layer::title).collect::<Vec<_>>().join(", ");
         let message = format!("no layer is called {}; found {list}", known[..2].join(" or "));

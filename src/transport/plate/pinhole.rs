@@ -5,8 +5,11 @@
 //! several beginnings, so that a single plane is enough. Not for: lens shift, panoramas, parallel projection; the
 //! residual tells.
 
+mod pose;
+
 use crate::scene::Camera;
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
+use pose::{Pose, descend};
 use rayon::prelude::*;
 
 /// A pixel and what it shows.
@@ -27,18 +30,8 @@ pub struct Fit {
 /// Points that the beginnings are tried with, and that the end is found with.
 const FEW: usize = 256;
 const MANY: usize = 8192;
-const STEPS: usize = 60;
 /// Points farther off than this have little say in the end, pixels.
 const NEAR: f64 = 0.5;
-
-#[derive(Clone, Copy)]
-struct Pose {
-    /// Columns: right, up, backward.
-    axes: DMat3,
-    eye: DVec3,
-    /// Pixels.
-    focal: f64,
-}
 
 /// `size`: of the picture, pixels. `None` when there are fewer than 8 points, or they lie in one spot or on one line.
 pub fn fit(sightings: &[Sighting], size: DVec2) -> Option<Fit> {
@@ -49,9 +42,13 @@ pub fn fit(sightings: &[Sighting], size: DVec2) -> Option<Fit> {
         return None;
     }
     let scaled = |s: &Sighting| Sighting { at: s.at - 0.5 * size, position: (s.position - centre) / spread };
+    // By the golden ratio: even steps would fall into columns of the picture.
     let thinned = |most: usize| {
-        let step = sightings.len().div_ceil(most);
-        sightings.iter().step_by(step).map(scaled).collect::<Vec<_>>()
+        let place = |i: usize| ((i as f64 * 0.618_033_988_749_894_9).fract() * count) as usize;
+        match sightings.len() <= most {
+            true => sightings.iter().map(scaled).collect(),
+            false => (0..most).map(|i| scaled(&sightings[place(i).min(sightings.len() - 1)])).collect::<Vec<_>>(),
+        }
     };
     let (few, many) = (thinned(FEW), thinned(MANY));
     let tried = beginnings(&few, size)?.into_par_iter().map(|pose| descend(pose, &few, size, f64::INFINITY));
@@ -104,114 +101,6 @@ fn beginnings(sightings: &[Sighting], size: DVec2) -> Option<Vec<Pose>> {
         }
     }
     Some(poses)
-}
-
-impl Pose {
-    /// How far off in the picture, and how that changes with the seven unknowns: turning and moving along the camera's
-    /// axes, logarithm of the focal length.
-    fn miss(&self, s: &Sighting) -> (DVec2, [DVec2; 7]) {
-        let p = self.axes.transpose() * (s.position - self.eye);
-        // What comes to lie behind is far off.
-        let depth = (-p.z).max(1e-3);
-        let (x, y) = (p.x / depth, -p.y / depth);
-        let off = DVec2::new(x, y) * self.focal - s.at;
-        let by_point = |d: DVec3| {
-            let scale = self.focal / depth;
-            DVec2::new(d.x + x * d.z, -d.y + y * d.z) * scale
-        };
-        let turned = |axis: DVec3| by_point(-axis.cross(p));
-        let moved = |axis: DVec3| by_point(-axis);
-        let jacobian = [
-            turned(DVec3::X),
-            turned(DVec3::Y),
-            turned(DVec3::Z),
-            moved(DVec3::X),
-            moved(DVec3::Y),
-            moved(DVec3::Z),
-            DVec2::new(x, y) * self.focal,
-        ];
-        (off, jacobian)
-    }
-
-    fn moved(&self, by: &[f64; 7], size: DVec2) -> Self {
-        let turn = DQuat::from_scaled_axis(DVec3::new(by[0], by[1], by[2]));
-        let eye = self.eye + self.axes * DVec3::new(by[3], by[4], by[5]);
-        let focal = (self.focal * by[6].clamp(-1.0, 1.0).exp()).clamp(0.05 * size.y, 200.0 * size.y);
-        Self { axes: self.axes * DMat3::from_quat(turn), eye, focal }
-    }
-
-    /// Of squared distances, each with its weight; beyond `near` they count for less and less (Geman, McClure 1985).
-    fn cost(&self, sightings: &[Sighting], near: f64) -> f64 {
-        let one = |s: &Sighting| {
-            let square = self.miss(s).0.length_squared();
-            if near.is_finite() { square / (1.0 + square / (near * near)) } else { square }
-        };
-        sightings.iter().map(one).sum()
-    }
-}
-
-/// The pose downhill from one, and its cost.
-fn descend(mut pose: Pose, sightings: &[Sighting], size: DVec2, near: f64) -> (Pose, f64) {
-    let (mut cost, mut damping) = (pose.cost(sightings, near), 1e-3);
-    for _ in 0..STEPS {
-        let (mut matrix, mut gradient) = ([[0.0; 7]; 7], [0.0; 7]);
-        for s in sightings {
-            let (off, jacobian) = pose.miss(s);
-            let weight = if near.is_finite() { (1.0 + off.length_squared() / (near * near)).powi(-2) } else { 1.0 };
-            for i in 0..7 {
-                gradient[i] += weight * jacobian[i].dot(off);
-                for j in 0..=i {
-                    matrix[i][j] += weight * jacobian[i].dot(jacobian[j]);
-                }
-            }
-        }
-        let mut better = None;
-        for _ in 0..8 {
-            let mut damped = matrix;
-            (0..7).for_each(|i| damped[i][i] += damping * damped[i][i].max(1e-12));
-            let Some(step) = solve(damped, gradient.map(|g| -g)) else { break };
-            let next = pose.moved(&step, size);
-            let next_cost = next.cost(sightings, near);
-            if next_cost < cost {
-                better = Some((next, next_cost));
-                damping = (0.2 * damping).max(1e-12);
-                break;
-            }
-            damping *= 8.0;
-        }
-        let Some((next, next_cost)) = better else { break };
-        let done = next_cost > cost * (1.0 - 1e-10);
-        (pose, cost) = (next, next_cost);
-        if done {
-            break;
-        }
-    }
-    (pose, cost)
-}
-
-/// `a x = b` for a symmetric, positive `a` (lower triangle), by Cholesky.
-fn solve(mut a: [[f64; 7]; 7], mut b: [f64; 7]) -> Option<[f64; 7]> {
-    for i in 0..7 {
-        for j in 0..=i {
-            let rest: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
-            if i == j {
-                let square = a[i][i] - rest;
-                if square.is_nan() || square <= 0.0 {
-                    return None;
-                }
-                a[i][i] = square.sqrt();
-            } else {
-                a[i][j] = (a[i][j] - rest) / a[j][j];
-            }
-        }
-    }
-    for i in 0..7 {
-        b[i] = (b[i] - (0..i).map(|k| a[i][k] * b[k]).sum::<f64>()) / a[i][i];
-    }
-    for i in (0..7).rev() {
-        b[i] = (b[i] - (i + 1..7).map(|k| a[k][i] * b[k]).sum::<f64>()) / a[i][i];
-    }
-    Some(b)
 }
 
 #[cfg(test)]
@@ -274,6 +163,30 @@ mod tests {
             if number < 3 {
                 check(camera, &[floor], 0.0, &format!("floor alone, camera {number}"));
             }
+        }
+    }
+
+    /// Every pixel of a picture whose size any even step through it divides.
+    #[test]
+    fn whole_pictures_of_any_size_tell_the_camera() {
+        let camera = &cameras()[0];
+        for size in
+            [Vec2::new(1024.0, 768.0), Vec2::new(512.0, 512.0), Vec2::new(2048.0, 1024.0), Vec2::new(640.0, 480.0)]
+        {
+            let pixel = |i: usize| Vec2::new((i % size.x as usize) as f32 + 0.5, (i / size.x as usize) as f32 + 0.5);
+            let seen: Vec<Sighting> = (0..(size.x * size.y) as usize)
+                .map(|i| {
+                    let ray = camera.ray(pixel(i), size);
+                    let t = (-ray.origin.y / ray.direction.y).abs().min((-3.0 - ray.origin.z) / ray.direction.z);
+                    Sighting { at: pixel(i).as_dvec2(), position: (ray.origin + ray.direction * t).as_dvec3() }
+                })
+                .collect();
+            let fit = fit(&seen, size.as_dvec2()).unwrap();
+            assert!(
+                fit.residual < 1e-3 && fit.camera.position.distance(camera.position) < 1e-3,
+                "{size}: {}",
+                fit.residual
+            );
         }
     }
 

@@ -40,7 +40,7 @@ impl Matte {
         for i in &there {
             (low, high) = (low.min(point(i).position.into()), high.max(point(i).position.into()));
         }
-        let apart = if there.is_empty() { 1.0 } else { 4.0 * (high - low).length().max(1.0) };
+        let apart = if there.is_empty() { 1.0 } else { 1e4 * (high - low).length().max(1.0) };
         let places: Vec<[f32; 4]> = there.par_iter().map(|i| place(&point(i), apart)).collect();
         let weights: Vec<f32> = there.iter().map(|i| pixels[i / per_pixel]).collect();
         let objects: Vec<u32> = there.iter().map(|i| point(i).object).collect();

@@ -130,7 +130,8 @@ pub fn multiply(layer: &Layer, rgb: [usize; 3], ratio: &Ratio, original: Option<
 /// `w / v`. In the depth of the old shadow v there is nothing left to recover: the factor goes over into 1 there, without
 /// a step, and grows no larger than `w / (2 DEEP)`.
 fn exchange(w: f32, v: f32) -> f32 {
-    if w == v { 1.0 } else { (w * v + DEEP * DEEP) / (v * v + DEEP * DEEP) }
+    let [w, v, deep] = [w, v, DEEP].map(f64::from);
+    if w == v { 1.0 } else { ((w * v + deep * deep) / (v * v + deep * deep)) as f32 }
 }
 
 /// A picture of shadow alone as a ratio: each pixel's red, green and blue, or its one channel; `inverted` where 1 is in
