@@ -41,7 +41,7 @@ impl Node for RatioImage {
         ..Info::NEW
     };
 
-    fn run(&self, inputs: &Inputs, _: &Job) -> Result<Vec<Value>> {
+    fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let ratio = inputs.need_ratio("ratio")?;
         let plain = !self.name.is_empty() && self.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         if !plain {
@@ -54,6 +54,7 @@ impl Node for RatioImage {
         let alone = Image { width: ratio.width, height: ratio.height, layers: vec![layer.clone()], ..Image::default() };
         let Some(image) = inputs.image("image") else { return Ok(vec![Value::Image(Arc::new(alone))]) };
         same_size(&alone, image, ["ratio", "image"])?;
+        ratio.foreign(image.colour_space).iter().for_each(|text| job.warn(text));
         if image.layer(&name).is_some() {
             let message = format!("the picture has a layer \"{name}\" already");
             return Err(Error::compute(message, "give the ratio another name"));

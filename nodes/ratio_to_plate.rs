@@ -152,7 +152,12 @@ fn ratio(plate: &Image, changed: &Image, beauty: Option<usize>, job: &Job) -> Re
     let (width, height) = (plate.width, plate.height);
     let Some(beauty) = beauty else {
         job.warn("the plate has no beauty: the ratio is 1");
-        return Ok(Ratio { width, height, values: vec![[1.0; 4]; width * height].into() });
+        return Ok(Ratio {
+            width,
+            height,
+            values: vec![[1.0; 4]; width * height].into(),
+            colour_space: plate.colour_space,
+        });
     };
     let [old, new] = [&plate.layers[beauty], &changed.layers[beauty]];
     let (values, met) = divide((new, new.need_rgb()?), (old, old.need_rgb()?));
@@ -168,5 +173,5 @@ fn ratio(plate: &Image, changed: &Image, beauty: Option<usize>, job: &Job) -> Re
     if met.limited > 0 {
         job.note("ratio limited", met.limited);
     }
-    Ok(Ratio { width, height, values: values.into() })
+    Ok(Ratio { width, height, values: values.into(), colour_space: plate.colour_space })
 }

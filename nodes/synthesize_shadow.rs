@@ -41,6 +41,7 @@ impl Node for SynthesizeShadow {
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let (image, ratio) = (inputs.need_image("image")?, inputs.need_ratio("ratio")?);
         ratio.check("the picture", image.width, image.height)?;
+        ratio.foreign(image.colour_space).iter().for_each(|text| job.warn(text));
         let original = inputs.ratio("original");
         if let Some(original) = original {
             original.check("the picture", image.width, image.height)?;

@@ -55,7 +55,12 @@ impl Node for VisibilityRatio {
             job.note("limited", met.limited);
         }
         let values = values.into();
-        Ok(vec![Value::Ratio(Arc::new(Ratio { width: original.width, height: original.height, values }))])
+        Ok(vec![Value::Ratio(Arc::new(Ratio {
+            width: original.width,
+            height: original.height,
+            values,
+            colour_space: original.colour_space,
+        }))])
     }
 }
 

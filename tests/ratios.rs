@@ -76,7 +76,7 @@ fn grey(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Rat
             [v, v, v, 1.0]
         })
         .collect();
-    Ratio { width, height, values: values.into() }
+    Ratio { width, height, values: values.into(), ..Ratio::default() }
 }
 
 /// A soft round shadow in the middle.

@@ -81,10 +81,16 @@ pub fn pixels(image: &Image, display: &Display) -> Option<Vec<[u8; 4]>> {
     let stride = layer.channels.len().max(1);
     let (scale, offset) = range(layer);
     let (rgb, gain) = (layer.rgb(), display.exposure.exp2());
-    if let (Transform::View(wish), Content::Colour, false) = (&display.transform, layer.content, display.false_colour)
-        && let Ok(transform) = wish.transform(image.colour_space)
-    {
-        return Some(views::viewed(layer, display, gain, &transform));
+    if let (Transform::View(wish), Content::Colour, false) = (&display.transform, layer.content, display.false_colour) {
+        return Some(match wish.transform(image.colour_space) {
+            Ok(transform) => views::viewed(layer, display, gain, &transform),
+            Err(error) => {
+                // Not as if it were that view.
+                tracing::warn!("{}: {error}", wish.title());
+                let [r, g, b] = NOT_FINITE;
+                vec![[r, g, b, 255]; layer.data.len() / stride]
+            }
+        });
     }
     let matrix = match layer.content {
         Content::Colour => image.colour_space.to(ColourSpace::Rec709),

@@ -2,7 +2,7 @@
 
 use super::cryptomatte::{header_key, matte_of};
 use super::{Image, Layer, names};
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 impl Image {
     /// The same picture with plain names: the beauty, whatever it is called, has none (its channels are `R G B A`);
@@ -10,21 +10,29 @@ impl Image {
     /// called the same. Cryptomattes keep their headers.
     pub fn with_plain_names(&self) -> Self {
         let beauty = self.place("").ok();
-        let short = |layer: &Layer| plain(names::split(&layer.name).1);
+        // The layers of a matte go together: they are named once, and numbered.
+        let stem = |layer: &Layer| matte_of(&layer.name).unwrap_or(&layer.name).to_owned();
+        let short = |stem: &str| plain(names::split(stem).1);
+        let stems: BTreeSet<String> = self.layers.iter().map(stem).collect();
         let mut seen = HashSet::new();
-        let twice: HashSet<String> = self.layers.iter().map(short).filter(|name| !seen.insert(name.clone())).collect();
+        let twice: HashSet<String> =
+            stems.iter().map(|stem| short(stem)).filter(|name| !seen.insert(name.clone())).collect();
         let (mut taken, mut mattes) = (HashSet::new(), BTreeMap::new());
         let mut layers = self.layers.clone();
         for (at, layer) in layers.iter_mut().enumerate() {
-            let name = match short(layer) {
+            let stem = stem(layer);
+            let name = match short(&stem) {
                 _ if Some(at) == beauty => String::new(),
-                name if twice.contains(&name) => plain(&layer.name),
+                name if twice.contains(&name) => plain(&stem),
                 name => name,
             };
-            let name = unused(&name, &taken);
-            if let (Some(old), Some(new)) = (matte_of(&layer.name), matte_of(&name)) {
-                mattes.insert(old.to_owned(), new.to_owned());
-            }
+            let name = match matte_of(&layer.name) {
+                Some(old) => {
+                    mattes.insert(old.to_owned(), name.clone());
+                    name + &layer.name[old.len()..]
+                }
+                None => unused(&name, &taken),
+            };
             layer.channels.iter_mut().for_each(|channel| *channel = plain(channel));
             taken.insert(name.clone());
             layer.name = name;
@@ -90,6 +98,8 @@ mod tests {
         assert_eq!(plainly(&["", "indirect", "2nd light", "Schatten ü"]), ["", "indirect", "_2nd_light", "Schatten__"]);
         let two = ["A.Combined", "B.Combined", "A.Mist"];
         assert_eq!(plainly(&two), ["A_Combined", "B_Combined", "Mist"], "neither is the beauty");
+        let three = ["A.CryptoObject00", "A.CryptoObject01", "B.CryptoObject00"];
+        assert_eq!(plainly(&three), ["A_CryptoObject00", "A_CryptoObject01", "B_CryptoObject00"]);
         assert_eq!(plainly(&["a b", "a_b", "x.a-b"]), ["a_b", "a_b_2", "x_a_b"]);
     }
 

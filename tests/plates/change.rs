@@ -148,6 +148,12 @@ fn colour_spaces_are_brought_together() {
         change(json!({}), &there, &before.to_space(ColourSpace::AcesCg), &after.to_space(ColourSpace::AcesCg));
     let found = change(json!({}), &there, &before, &after).unwrap().image();
     assert_eq!(found.colour_space, ColourSpace::AcesCg);
+    let ratio = change(json!({}), &there, &before, &after).unwrap().ratio();
+    let into = |picture: &Image| {
+        let inputs = [("image", image(picture)), ("ratio", Value::Ratio(ratio.clone()))];
+        run("synthesize_shadow", json!({}), &inputs).unwrap().warnings()
+    };
+    assert!(into(&there).is_empty() && into(&plate).contains("lin_ap1_scene"), "{}", into(&plate));
     close(&room::layer(&found, ""), &room::layer(&expected.unwrap().image(), ""), 1e-6, 1e-6);
 }
 

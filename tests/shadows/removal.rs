@@ -106,7 +106,7 @@ fn back(pictures: &[Layer], size: (usize, usize)) {
     let ratio = |original: &Layer, removed: &Layer| {
         let (values, met) = quotient::divide((original, rgb), (removed, rgb));
         assert_eq!((met.not_finite, met.limited), (0, 0));
-        Ratio { width: size.0, height: size.1, values: values.into() }
+        Ratio { width: size.0, height: size.1, values: values.into(), ..Ratio::default() }
     };
     let ratios: Vec<Ratio> = pictures.windows(2).map(|pair| ratio(&pair[0], &pair[1])).collect();
     for (ring, ratio) in ratios.iter().enumerate() {

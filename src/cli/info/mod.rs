@@ -65,9 +65,14 @@ impl Args {
                 }
             }
         };
-        print(&text);
+        print(&plain(&text));
         Ok(0)
     }
+}
+
+/// Text of a file must not steer the terminal.
+fn plain(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
 }
 
 fn pretty(json: &serde_json::Value) -> String {

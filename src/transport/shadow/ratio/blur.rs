@@ -96,7 +96,7 @@ mod tests {
             let v = value(i % width, i / width);
             [v, v, v, 1.0]
         });
-        Ratio { width, height, values: values.collect::<Vec<_>>().into() }
+        Ratio { width, height, values: values.collect::<Vec<_>>().into(), ..Ratio::default() }
     }
 
     /// The answer to one dark pixel is a Gaussian, round, of that width, and weighs as much as the pixel.

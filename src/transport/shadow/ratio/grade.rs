@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     fn graded(grade: Grade, v: [f32; 3]) -> [f32; 3] {
-        let ratio = Ratio { width: 1, height: 1, values: vec![[v[0], v[1], v[2], 1.0]].into() };
+        let ratio = Ratio { width: 1, height: 1, values: vec![[v[0], v[1], v[2], 1.0]].into(), ..Ratio::default() };
         let found = grade.apply(&ratio).values[0];
         [found[0], found[1], found[2]]
     }
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_gradient_runs_from_one_point_to_the_other() {
-        let ratio = Ratio { width: 4, height: 1, values: vec![[0.0, 0.0, 0.0, 1.0]; 4].into() };
+        let ratio = Ratio { width: 4, height: 1, values: vec![[0.0, 0.0, 0.0, 1.0]; 4].into(), ..Ratio::default() };
         let gradient = Some([DVec2::new(0.5, 0.0), DVec2::new(2.5, 0.0)]);
         let fade = Grade { strength: 0.0, gradient, ..Grade::NONE }.apply(&ratio);
         assert_eq!(fade.values.iter().map(|v| v[0]).collect::<Vec<_>>(), [0.0, 0.5, 1.0, 1.0]);

@@ -279,7 +279,7 @@ mod tests {
     #[test]
     fn cells_by_hand() {
         let values: Vec<[f32; 4]> = (0..40).map(|i| [(i % 10) as f32 / 10.0, 0.0, 0.0, 1.0]).collect();
-        let ratio = Ratio { width: 10, height: 4, values: values.into() };
+        let ratio = Ratio { width: 10, height: 4, values: values.into(), ..Ratio::default() };
         let units = Units::heights(&ratio);
         let frame = [DVec2::ZERO, v(2.5, 1.0)];
         let bend = |change: &dyn Fn(&mut [DVec2])| {
@@ -303,7 +303,7 @@ mod tests {
 
     #[test]
     fn wrong_lattices_are_refused() {
-        let ratio = Ratio { width: 1, height: 1, values: vec![[1.0; 4]].into() };
+        let ratio = Ratio { width: 1, height: 1, values: vec![[1.0; 4]].into(), ..Ratio::default() };
         let good = Lattice { rows: 1, columns: 1, frame: [DVec2::ZERO, DVec2::ONE], points: SQUARE.to_vec() };
         let said = |lattice: Lattice| {
             let error = lattice.apply(&Device::Cpu, &ratio, Units::heights(&ratio)).unwrap_err();

@@ -20,14 +20,17 @@ pub mod quotient;
 pub mod transform;
 
 use crate::device::Array;
+use crate::image::ColourSpace;
 use crate::{Error, Result};
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Ratio {
     pub width: usize,
     pub height: usize,
     /// Row-major, RGB; the fourth element is 1 where the ratio is defined, 0 where there was no light to compare.
     pub values: Array<[f32; 4]>,
+    /// Of the pictures that it was made of: factors of red are factors of that red.
+    pub colour_space: ColourSpace,
 }
 
 impl Ratio {
@@ -37,7 +40,15 @@ impl Ratio {
 
     /// The same picture with other factors.
     pub fn with(&self, values: Vec<[f32; 4]>) -> Self {
-        Self { width: self.width, height: self.height, values: values.into() }
+        Self { values: values.into(), ..*self }
+    }
+
+    /// What to say where a picture of another colour space is multiplied by this.
+    pub fn foreign(&self, picture: ColourSpace) -> Option<String> {
+        let (own, other) = (self.colour_space.id(), picture.id());
+        let message =
+            format!("the ratio was made of pictures in {own}, this one is in {other}: a coloured shadow shifts");
+        (own != other).then_some(message)
     }
 
     /// # Errors

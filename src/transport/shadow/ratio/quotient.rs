@@ -196,7 +196,12 @@ mod tests {
 
     #[test]
     fn products_by_hand() {
-        let ratio = Ratio { width: 2, height: 1, values: vec![[0.5, 1.0, 2.0, 1.0], [1e30, 0.0, 1.0, 0.0]].into() };
+        let ratio = Ratio {
+            width: 2,
+            height: 1,
+            values: vec![[0.5, 1.0, 2.0, 1.0], [1e30, 0.0, 1.0, 0.0]].into(),
+            ..Ratio::default()
+        };
         let (data, met) = multiply(&layer(&[1.0, 2.0, 3.0, 1e20, f32::NAN, f32::INFINITY]), [0, 1, 2], &ratio, None);
         assert_eq!(data[..4], [0.5, 2.0, 6.0, f32::MAX]);
         assert!(data[4].is_nan() && data[5] == f32::INFINITY);
@@ -206,7 +211,12 @@ mod tests {
     /// A shadow taken out and put in again changes nothing; taken out alone, what was under it comes back.
     #[test]
     fn an_old_shadow_is_divided_out() {
-        let one = |v: [f32; 3]| Ratio { width: 1, height: 1, values: vec![[v[0], v[1], v[2], 1.0]].into() };
+        let one = |v: [f32; 3]| Ratio {
+            width: 1,
+            height: 1,
+            values: vec![[v[0], v[1], v[2], 1.0]].into(),
+            ..Ratio::default()
+        };
         let exchanged = |w, v| multiply(&layer(&[0.2, 0.4, 0.0]), [0, 1, 2], &one(w), Some(&one(v))).0;
         assert_eq!(exchanged([0.3, 0.7, 0.0], [0.3, 0.7, 0.0]), [0.2, 0.4, 0.0]);
         let lit = exchanged([1.0; 3], [0.5, 0.25, 0.0]);
