@@ -241,6 +241,11 @@ fn files_of_openexr_are_read_bit_by_bit() {
     let channels: usize = files.iter().map(|path| same(&python, path, folder.path())).sum();
     println!("{} files, {channels} channels", files.len());
     assert!(files.len() >= 20 && channels > 100);
+    let crop = exr_read::read(&folder.path().join("crop.exr")).unwrap();
+    assert!(crop.metadata.contains(&("comments".into(), "cut out".into())), "{:?}", crop.metadata);
+    for name in ["karma.exr", "nuke.exr", "arnold.exr"] {
+        assert!(exr_read::read(&folder.path().join(name)).unwrap().find("beauty").is_ok(), "{name}");
+    }
     let layers = |name: &str| -> Vec<String> {
         let image = exr_read::read(&folder.path().join(name)).unwrap();
         image.layers.into_iter().map(|layer| format!("{}:{}", layer.name, layer.channels.join(""))).collect()

@@ -118,7 +118,7 @@ def write(folder):
         ("shifted", (100, 50, 44, 30), (100, 50, 44, 30)), ("beside", (40, 28, 20, 10), (0, 0, 44, 30)),
     ]:
         save(name, {layer: picture(data[2], data[3], np.float16) for layer in "RGB"},
-             dataWindow=window(*data), displayWindow=window(*display))
+             dataWindow=window(*data), displayWindow=window(*display), comments="cut out")
     for name, layers in [
         ("arnold", ["R", "G", "B", "A", "RGBA_key.R", "RGBA_key.G", "RGBA_key.B", "diffuse_direct.R", "N.X"]),
         ("karma", ["C.r", "C.g", "C.b", "C_key.r", "C_key.g", "C_key.b"]),

@@ -17,11 +17,21 @@ pub(super) fn metadata(headers: &[Header]) -> Vec<(String, String)> {
 }
 
 fn texts(header: &Header) -> impl Iterator<Item = (String, String)> {
-    let all = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
-    all.filter_map(|(name, value)| match value {
+    let own = &header.own_attributes;
+    // The crate knows these by itself.
+    let known = [
+        ("owner", &own.owner),
+        ("comments", &own.comments),
+        ("capDate", &own.capture_date),
+        ("software", &own.software_name),
+    ];
+    let known = known.into_iter().filter_map(|(name, value)| Some((name.to_owned(), text(value.as_ref()?.as_slice()))));
+    let all = own.other.iter().chain(&header.shared_attributes.other);
+    let others = all.filter_map(|(name, value)| match value {
         AttributeValue::Text(value) => Some((text(name.as_slice()), text(value.as_slice()))),
         _ => None,
-    })
+    });
+    known.chain(others)
 }
 
 /// The colour space that the first part with any says it is in, or what is not understood of that.

@@ -69,6 +69,10 @@ impl ExrFile {
             check_part(path, header, bytes)?;
         }
         check_size(path, "display window", display, bytes, 1 << 26)?;
+        let aspect = first.shared_attributes.pixel_aspect;
+        if (aspect - 1.0).abs() > 1e-3 {
+            tracing::warn!("{}: pixels are {aspect} times as wide as high; they are taken as square", path.display());
+        }
         let colour_space = colour_space(headers).unwrap_or_else(|found| {
             tracing::warn!("{}: colours are {found}, which is not known; taken as linear Rec.709", path.display());
             ColourSpace::default()
