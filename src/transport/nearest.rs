@@ -142,7 +142,9 @@ mod tests {
         for i in 0..500 {
             let [x, y, z] = [0, 1, 2].map(|axis| 6.0 * unit(hash(3 * i + axis)) - 3.0);
             let at = Vec3::new(x, y, z);
-            let Nearest { point, distance, .. } = nearest(&geometry, at, None);
+            let Nearest { point, barycentrics: [u, v], distance } = nearest(&geometry, at, None);
+            let front = geometry.surface_point(point.triangle as usize, u, v, true);
+            assert_eq!(front.position, point.position, "barycentrics are those of the point");
             let slow = geometry.bvh.facets.iter().map(|facet| {
                 let (u, v) = closest(facet, at);
                 (Vec3::from(facet.corner) + Vec3::from(facet.edge_u) * u + Vec3::from(facet.edge_v) * v).distance(at)

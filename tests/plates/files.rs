@@ -1,6 +1,6 @@
 //! What is read of other programs' files, and what is written for them.
 
-use crate::node::{At, Ran, image, run_at};
+use crate::node::{At, Ran, image, run, run_at};
 use chiaro::Result;
 use chiaro::image::cryptomatte::Cryptomatte;
 use chiaro::image::{ColourSpace, Content, Image, Layer, exr_read};
@@ -138,6 +138,33 @@ fn colour_spaces_travel_in_the_header() {
     let expected = [1.70505, -0.13026, -0.024];
     let near = |(a, b): (&f32, &f32)| (a - b).abs() < 2e-4;
     assert!(back.colour_space == ColourSpace::Rec709 && back.layers[0].data.iter().zip(&expected).all(near));
+}
+
+/// Nodes that put pictures together, or bring them to a display, bring their colours together first.
+#[test]
+fn colour_spaces_meet_in_nodes() {
+    let here =
+        picture(vec![Layer::new("", &RGB, Content::Colour, [0.5, 0.25, 0.125].repeat(4)), colour("direct", 0.5)]);
+    let there = here.to_space(ColourSpace::AcesCg);
+    let near = |a: &Image, b: &Image, what: &str| {
+        assert_eq!(a.colour_space, b.colour_space, "{what}");
+        for (a, b) in a.layers.iter().zip(&b.layers) {
+            assert!(a.data.iter().zip(&b.data[..]).all(|(a, b)| (a - b).abs() < 1e-5), "{what}: {}", a.title());
+        }
+    };
+    let two = |kind: &str, params: Json, a: &Image, b: &Image| {
+        run(kind, params, &[("a", image(a)), ("b", image(b))]).unwrap()
+    };
+    let sum = |a: &Image| two("merge", json!({ "operation": "add" }), a, &there).image();
+    near(&sum(&here), &sum(&there), "merge");
+    assert_eq!(sum(&here).colour_space, ColourSpace::AcesCg);
+    let difference = two("compare", json!({}), &here, &there);
+    assert!(difference.notes["beauty"]["rmse"].as_f64().unwrap() < 1e-6, "{:?}", difference.notes);
+    for operator in ["none", "reinhard", "neutral", "aces"] {
+        let map =
+            |of: &Image| run("tone_map", json!({ "operator": operator, "exposure": 1.0 }), &[("image", image(of))]);
+        near(&map(&there).unwrap().image(), &map(&here).unwrap().image(), operator);
+    }
 }
 
 #[test]

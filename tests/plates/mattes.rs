@@ -124,6 +124,26 @@ fn a_matte_selects_like_a_pick() {
     assert!(!error.contains("dark"), "the picture is there: {error}");
 }
 
+/// Headers of a matte whose layers are gone, under whatever key, do not outlive a new matte of that name.
+#[test]
+fn a_new_matte_has_only_its_own_header() {
+    let plan = recipe(json!({ "lit": relight(None) }));
+    let evaluator = evaluator();
+    let [(scene, _), (samples, _)] = ["room", "view"].map(|node| room::evaluate(&evaluator, &plan, node, 1));
+    let mut old = (*room::image(&evaluator, &plan, "lit")).clone();
+    for (field, value) in [("name", "CryptoObject"), ("manifest", r#"{"gone":"00000001"}"#)] {
+        old.metadata.push((format!("cryptomatte/1234567/{field}"), value.to_owned()));
+    }
+    old.metadata.push(("note".to_owned(), "stays".to_owned()));
+    let named =
+        run("cryptomatte", json!({}), &[("scene", scene), ("samples", samples), ("image", image(&old))]).unwrap();
+    let named = named.image();
+    let matte = Cryptomatte::of(&named, "CryptoObject").unwrap();
+    assert!(matte.manifest.values().any(|name| name == "block") && !matte.manifest.values().any(|name| name == "gone"));
+    assert!(named.metadata.iter().all(|(name, _)| !name.starts_with("cryptomatte/1234567")), "{:?}", named.metadata);
+    assert!(named.metadata.iter().any(|(name, _)| name == "note"));
+}
+
 /// Blender's matte of the stage against our own of the same view: coverage of each object.
 #[test]
 fn our_coverage_is_blenders() {

@@ -131,6 +131,14 @@ mod tests {
                 assert_eq!(matte.weight(&point), f32::from(point.object == block), "triangle {triangle}");
             }
         }
+        // The block out of sight: it goes with nothing, though everything round it is selected.
+        let hide = |point: &SurfacePoint| if point.object == block { SurfacePoint::NOWHERE } else { *point };
+        let without = Samples { points: samples.points.iter().map(hide).collect::<Vec<_>>().into(), ..samples.clone() };
+        let all = Selection::matte(&without, &vec![1.0; pixels.len()]);
+        for triangle in 0..geometry.corners.len() {
+            let point = geometry.surface_point(triangle, 0.3, 0.3, true);
+            assert_eq!(all.weight(&point), f32::from(point.object != block), "triangle {triangle}");
+        }
         let unseen = Samples { points: vec![SurfacePoint::NOWHERE; samples.points.len()].into(), ..samples };
         let nothing = Selection::matte(&unseen, &pixels);
         assert_eq!(nothing.weight(&geometry.surface_point(0, 0.3, 0.3, true)), 0.0);
