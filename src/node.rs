@@ -126,6 +126,21 @@ pub trait Node: Send + Sync + 'static {
         true
     }
 
+    /// Names the state of each facet of the result at a frame, where `uses_frame`: two frames with equal keys give equal
+    /// facets (a lamp that moves leaves the geometry's key as it is). The frame itself, if the node knows no better.
+    ///
+    /// # Errors
+    /// What `run` would find wrong, too.
+    fn moments(&self, when: &When) -> Result<[Key; 4]> {
+        Ok([Key::of(&[&when.frame.to_le_bytes()]); 4])
+    }
+
+    /// Frames at which this node, computed at `frame`, asks for the input on a port. The first gives the port's value;
+    /// all are there through `Inputs::at`.
+    fn frames(&self, _port: &str, frame: i64) -> Vec<i64> {
+        vec![frame]
+    }
+
     /// The files that this node writes at a frame, as `Job::output` takes them; what `--skip-existing` looks for.
     fn output_files(&self, _frame: f64) -> Vec<String> {
         Vec::new()
@@ -140,11 +155,28 @@ pub trait Node: Send + Sync + 'static {
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>>;
 }
 
+/// What `Node::moments` is asked about.
+pub struct When<'a> {
+    pub frame: f64,
+    pub fps: f64,
+    /// Folder that relative paths start from.
+    pub base: &'a Path,
+    /// Of the node's files.
+    pub content: Key,
+    /// For what was read of them.
+    pub memo: &'a dyn Memo,
+}
+
+/// A value, and the key of each facet (index: `Facet as usize`).
+pub type Given = (Value, [Key; 4]);
+
 /// The values on a node's input ports, with the keys that they were asked for by.
 pub struct Inputs<'a> {
     pub info: &'a Info,
-    /// Per port of `info.inputs`: the value, and the key of each facet (index: `Facet as usize`).
-    pub values: Vec<Option<(Value, [Key; 4])>>,
+    /// Per port of `info.inputs`.
+    pub values: Vec<Option<Given>>,
+    /// Of ports that are asked for at other frames (`Node::frames`): port, frame and value.
+    pub at_frames: Vec<(usize, i64, Given)>,
 }
 
 impl Inputs<'_> {
@@ -158,6 +190,15 @@ impl Inputs<'_> {
 
     pub fn get(&self, port: &str) -> Option<&Value> {
         self.values[self.index(port)].as_ref().map(|(value, _)| value)
+    }
+
+    /// The inputs as they are at a frame that `Node::frames` named; ports that it did not name are as they are now.
+    pub fn at(&self, frame: i64) -> Self {
+        let mut values = self.values.clone();
+        for (port, _, given) in self.at_frames.iter().filter(|(_, at, _)| *at == frame) {
+            values[*port] = Some(given.clone());
+        }
+        Self { info: self.info, values, at_frames: Vec::new() }
     }
 
     /// The key of one facet of an input; for `Job::memo`.
@@ -276,6 +317,8 @@ pub struct Job<'a> {
     pub recipe: &'a (dyn Fn() -> String + Sync),
     /// Key of the value being computed.
     pub key: Key,
+    /// Of the content of the node's files.
+    pub content: Key,
     /// What the node says about itself in the report: rays, coefficients kept, error bound.
     pub notes: &'a Mutex<serde_json::Map<String, serde_json::Value>>,
 }

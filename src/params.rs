@@ -5,7 +5,7 @@
 //! `#[schemars(extend("unit" = "m"))]`; docs: the doc comment of the field.
 
 use crate::Result;
-use crate::node::{Info, Inputs, Job, Node};
+use crate::node::{Info, Inputs, Job, Key, Node, When};
 use crate::value::Value;
 use serde_json::{Map, Value as Json};
 use std::path::{Path, PathBuf};
@@ -16,6 +16,8 @@ pub trait AnyNode: Send + Sync {
     fn files(&self) -> Vec<String>;
     fn linked_files(&self, base: &Path) -> Vec<PathBuf>;
     fn uses_frame(&self, base: &Path) -> bool;
+    fn moments(&self, when: &When) -> Result<[Key; 4]>;
+    fn frames(&self, port: &str, frame: i64) -> Vec<i64>;
     fn output_files(&self, frame: f64) -> Vec<String>;
     fn pass_through(&self) -> Option<&'static str>;
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>>;
@@ -37,6 +39,12 @@ impl<N: Node + serde::Serialize> AnyNode for Erased<N> {
     }
     fn uses_frame(&self, base: &Path) -> bool {
         N::INFO.uses_frame && self.0.uses_frame(base)
+    }
+    fn moments(&self, when: &When) -> Result<[Key; 4]> {
+        self.0.moments(when)
+    }
+    fn frames(&self, port: &str, frame: i64) -> Vec<i64> {
+        self.0.frames(port, frame)
     }
     fn output_files(&self, frame: f64) -> Vec<String> {
         self.0.output_files(frame)

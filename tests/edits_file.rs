@@ -273,7 +273,7 @@ fn the_key_of_read_edits_is_the_content_of_its_file() {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
         let node = json!({ "type": "read_edits", "params": { "file": path.to_str().unwrap() } });
-        room::keyed(&room::recipe(json!({ "file": node })), "file", 1.0).outputs
+        room::keyed(&room::recipe(json!({ "file": node })), "file", 1).outputs
     };
     let first = key("a", &ROOM.bytes);
     let mut other = ROOM.bytes.clone();

@@ -4,11 +4,12 @@ mod support;
 
 use chiaro::Error;
 use chiaro::device::Device;
-use chiaro::eval::keys::keys;
+use chiaro::eval::keys::tasks;
 use chiaro::eval::{Context, Evaluator, NodeReport, Options, files::FileHashes};
 use chiaro::graph::{Document, Plan};
 use chiaro::image::exr_write::{self, Depth};
 use chiaro::image::{Content, Image, Layer, load};
+use chiaro::node::NoMemo;
 use chiaro::nodes;
 use chiaro::progress::Silent;
 use chiaro::scene::{Environment, LatLong, cube};
@@ -241,7 +242,7 @@ fn keys_change_with_what_is_read() {
     let key = |params: Json, frame: f64| {
         let plan = plan(folder.path(), params);
         let target = plan.find("sky").unwrap();
-        keys(&plan, &[target], frame, &FileHashes::default()).unwrap().swap_remove(target).unwrap().key
+        tasks(&plan, &[target], frame, &FileHashes::default(), &NoMemo).unwrap().at(target, frame).unwrap().key
     };
     for frame in [1, 2] {
         grey(&folder.path().join(format!("sky.000{frame}.exr")), 8, 4, vec![frame as f32; 96]);

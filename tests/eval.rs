@@ -4,10 +4,10 @@ mod trial_nodes;
 
 use chiaro::device::Device;
 use chiaro::eval::files::FileHashes;
-use chiaro::eval::keys::{Keyed, keys};
+use chiaro::eval::keys::{Task, tasks};
 use chiaro::eval::{CacheUse, Context, Disk, Evaluator, NodeReport, Options};
 use chiaro::graph::{Document, Plan};
-use chiaro::node::Key;
+use chiaro::node::{Key, NoMemo};
 use chiaro::progress::Silent;
 use chiaro::value::Value;
 use serde_json::{Value as Json, json};
@@ -55,12 +55,12 @@ fn evaluate(evaluator: &Evaluator, plan: &Plan, node: &str, frame: i64) -> (Vec<
     (values.into_iter().next().unwrap(), happened)
 }
 
-fn keyed(plan: &Plan, node: &str, frame: f64) -> Keyed {
+fn keyed(plan: &Plan, node: &str, frame: i64) -> Task {
     let target = plan.find(node).unwrap();
-    keys(plan, &[target], frame, &FileHashes::default()).unwrap().swap_remove(target).unwrap()
+    tasks(plan, &[target], frame, &FileHashes::default(), &NoMemo).unwrap().list.pop().unwrap()
 }
 
-fn key(plan: &Plan, node: &str, frame: f64) -> Key {
+fn key(plan: &Plan, node: &str, frame: i64) -> Key {
     keyed(plan, node, frame).key
 }
 
@@ -111,8 +111,8 @@ fn a_pass_through_is_its_input_and_has_its_key() {
     let (base, _) = evaluate(&evaluator, &plan, "base", 1);
     let (Value::Image(same), Value::Image(base)) = (&same[0], &base[0]) else { panic!("pictures") };
     assert!(std::sync::Arc::ptr_eq(same, base));
-    assert_eq!(keyed(&plan, "same", 1.0).outputs, keyed(&plan, "base", 1.0).outputs);
-    assert_eq!(key(&plan, "twice", 1.0), key(&plan, "direct", 1.0));
+    assert_eq!(keyed(&plan, "same", 1).outputs, keyed(&plan, "base", 1).outputs);
+    assert_eq!(key(&plan, "twice", 1), key(&plan, "direct", 1));
     evaluate(&evaluator, &plan, "twice", 1);
     assert_eq!(evaluate(&evaluator, &plan, "direct", 1).1, ["direct memory"]);
 }
@@ -126,7 +126,7 @@ fn each_parameter_changes_exactly_its_own_key() {
             "more": { "type": "gain", "params": { "amount": 2 }, "inputs": { "image": "base" } },
         }))
     };
-    let all = |plan: &Plan| ["other", "base", "more"].map(|node| key(plan, node, 1.0));
+    let all = |plan: &Plan| ["other", "base", "more"].map(|node| key(plan, node, 1));
     let [other, base, more] = all(&nodes(json!({})));
     let defaults = json!({ "width": 4, "value": 1.0, "mode": "plain", "label": "" });
     assert_eq!(all(&nodes(defaults)), [other, base, more], "a default that is written out is the default");
@@ -150,6 +150,32 @@ fn each_parameter_changes_exactly_its_own_key() {
 }
 
 #[test]
+fn a_node_may_ask_for_other_frames_and_each_is_computed_once() {
+    let plan = plan(json!({
+        "time": { "type": "clock" },
+        "held": { "type": "flat", "params": { "value": { "keys": [[2, 0.5], [4, 0.75]], "interpolation": "hold" } } },
+        "sum": { "type": "add", "inputs": { "a": "time", "b": "held" } },
+        "echo": { "type": "echo", "params": { "frames": [3, -2, 4] }, "inputs": { "image": "sum" } },
+        "twice": { "type": "echo", "params": { "frames": [2] }, "inputs": { "image": "echo" } },
+    }));
+    let sums = |frames: &[i64]| frames.iter().map(|&f| f as f32 + if f < 4 { 0.5 } else { 0.75 }).collect::<Vec<_>>();
+    let evaluator = evaluator();
+    let (found, happened) = evaluate(&evaluator, &plan, "echo", 7);
+    assert_eq!(values(&found[0]), sums(&[7, 3, -2, 4]));
+    let count = |name: &str| happened.iter().filter(|line| line.starts_with(name)).count();
+    assert_eq!(["time", "held", "sum", "echo"].map(count), [4, 2, 4, 1], "{happened:?}");
+    // One of the frames is that of the picture: a port named twice.
+    let (found, happened) = evaluate(&evaluator, &plan, "echo", 3);
+    assert_eq!(values(&found[0]), sums(&[3, 3, -2, 4]));
+    assert_eq!(happened, ["echo computed", "sum memory", "sum memory", "sum memory"]);
+    // Frames of frames.
+    let (found, _) = evaluate(&evaluator, &plan, "twice", 7);
+    assert_eq!(values(&found[0]), sums(&[7, 3, -2, 4, 2, 3, -2, 4]));
+    assert_ne!(key(&plan, "echo", 3), key(&plan, "echo", 5));
+    assert_ne!(key(&plan, "echo", 3), key(&plan, "sum", 3));
+}
+
+#[test]
 fn frames_with_equal_values_share_a_key() {
     let plan = plan(json!({
         "moving": { "type": "flat", "params": { "value": { "keys": [[2, 0.5], [4, 1.0], [6, 0.5]] } } },
@@ -157,10 +183,10 @@ fn frames_with_equal_values_share_a_key() {
         "stopped": { "type": "clock", "params": { "stopped": true } },
     }));
     let moving = |frame| key(&plan, "moving", frame);
-    assert_eq!([1.0, 3.0, 4.0].map(moving), [7.0, 5.0, 4.0].map(moving));
-    assert_ne!(moving(3.0), moving(4.0));
-    assert_ne!(key(&plan, "clock", 1.0), key(&plan, "clock", 2.0));
-    assert_eq!(key(&plan, "stopped", 1.0), key(&plan, "stopped", 2.0));
+    assert_eq!([1, 3, 4].map(moving), [7, 5, 4].map(moving));
+    assert_ne!(moving(3), moving(4));
+    assert_ne!(key(&plan, "clock", 1), key(&plan, "clock", 2));
+    assert_eq!(key(&plan, "stopped", 1), key(&plan, "stopped", 2));
     let evaluator = evaluator();
     assert_eq!(values(&evaluate(&evaluator, &plan, "clock", 5).0[0]), [5.0]);
     assert_eq!(
@@ -182,13 +208,13 @@ fn moving_a_lamp_changes_only_what_reads_lights() {
         }))
     };
     let (before, after) = (nodes(1.0, "a"), nodes(2.0, "a"));
-    assert_eq!(key(&before, "outline", 1.0), key(&after, "outline", 1.0));
-    assert_ne!(key(&before, "shade", 1.0), key(&after, "shade", 1.0));
+    assert_eq!(key(&before, "outline", 1), key(&after, "outline", 1));
+    assert_ne!(key(&before, "shade", 1), key(&after, "shade", 1));
     let moved = nodes(1.0, "b");
-    assert_ne!(key(&before, "outline", 1.0), key(&moved, "outline", 1.0));
+    assert_ne!(key(&before, "outline", 1), key(&moved, "outline", 1));
     assert_ne!(
-        key(&before, "lamp", 1.0),
-        key(&moved, "lamp", 1.0),
+        key(&before, "lamp", 1),
+        key(&moved, "lamp", 1),
         "it hands the triangles on, so they are in its value"
     );
     let evaluator = evaluator();
@@ -243,7 +269,7 @@ fn a_damaged_entry_is_computed_again_and_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let plan = plan(json!({ "base": { "type": "flat", "params": { "width": 1000 } } }));
     let (good, _) = evaluate(&on_disk(folder.path()), &plan, "base", 1);
-    let entry = Disk::open(folder.path(), 1 << 20).unwrap().path(key(&plan, "base", 1.0));
+    let entry = Disk::open(folder.path(), 1 << 20).unwrap().path(key(&plan, "base", 1));
     let mut bytes = std::fs::read(&entry).unwrap();
     for damage in 0..2 {
         match damage {
@@ -263,7 +289,7 @@ fn a_damaged_entry_is_computed_again_and_replaced() {
 fn the_checked_mode_notices_a_wrong_entry() {
     let folder = tempfile::tempdir().unwrap();
     let plan = plan(json!({ "base": { "type": "flat" } }));
-    let key = key(&plan, "base", 1.0);
+    let key = key(&plan, "base", 1);
     evaluate(&on_disk(folder.path()), &plan, "base", 1);
     let checked = || {
         let disk = Some(Disk::open(folder.path(), 1 << 20).unwrap());

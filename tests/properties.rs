@@ -105,7 +105,7 @@ fn a_node_that_changes_nothing_is_its_input() {
             "shade": { "type": "visibility_ratio", "inputs": { "original": "lit", "removed": "lit" } },
             "same": { "type": name, "params": params, "inputs": inputs },
         }));
-        assert_eq!(keyed(&plan, "same", 1.0).outputs, keyed(&plan, &from, 1.0).outputs, "{name}");
+        assert_eq!(keyed(&plan, "same", 1).outputs, keyed(&plan, &from, 1).outputs, "{name}");
         let (value, report) = evaluate(&evaluator, &plan, "same", 1);
         assert!(report.iter().any(|node| node.node == "same" && node.cache == CacheUse::Pass), "{name} was computed");
         let (before, _) = evaluate(&evaluator, &plan, &from, 1);
@@ -317,15 +317,15 @@ fn a_keyframe_is_its_key() {
             "lit": relight(Some("bleed")),
         }))
     };
-    let key = |plan: &Plan, frame: f64| keyed(plan, "lit", frame).key;
+    let key = |plan: &Plan, frame: i64| keyed(plan, "lit", frame).key;
     for interpolation in ["linear", "smooth", "hold"] {
         let keys = json!([[2, 0.3], [7, 4.0], [12, 1.0]]);
         let moving = nodes(json!({ "keys": keys, "interpolation": interpolation }));
-        for (frame, value) in [(2.0, 0.3), (7.0, 4.0), (12.0, 1.0), (-5.0, 0.3), (40.0, 1.0)] {
-            assert_eq!(key(&moving, frame), key(&nodes(value.into()), 1.0), "{interpolation}, frame {frame}");
+        for (frame, value) in [(2, 0.3), (7, 4.0), (12, 1.0), (-5, 0.3), (40, 1.0)] {
+            assert_eq!(key(&moving, frame), key(&nodes(value.into()), 1), "{interpolation}, frame {frame}");
         }
-        let between = key(&moving, 9.0);
-        assert_eq!(between == key(&moving, 7.0), interpolation == "hold", "{interpolation} between keys");
+        let between = key(&moving, 9);
+        assert_eq!(between == key(&moving, 7), interpolation == "hold", "{interpolation} between keys");
     }
 }
 

@@ -77,8 +77,8 @@ fn all_with_their_inputs_can_be_started() {
         let plan = plan(path);
         let targets = plan.targets(&[]).unwrap();
         for frame in plan.frames {
-            match evaluator.keys(&plan, &targets, frame) {
-                Ok(keys) => assert!(targets.iter().all(|target| keys[*target].is_some())),
+            match evaluator.tasks(&plan, &targets, frame) {
+                Ok(tasks) => assert!(targets.iter().all(|target| tasks.at(*target, frame).is_some())),
                 // Large scenes are not part of the repository; what ships with the recipes must be there.
                 Err(error) if missing_data(&error).is_some() => missing.extend(missing_data(&error)),
                 Err(error) => panic!("{}, frame {frame}: {error}", path.display()),

@@ -247,22 +247,23 @@ impl Args {
     fn print_plan(&self, plan: &Plan, targets: &[usize], frames: &[i64], evaluator: &Evaluator) -> Result<u8> {
         print(&format!("device {}, {} frames: {}\n", evaluator.device().name(), frames.len(), format_frames(frames)));
         let Some(first) = frames.first() else { return Ok(0) };
-        let keyed = evaluator.keys(plan, targets, *first)?;
-        for (step, (keyed, on_disk)) in plan.steps.iter().zip(keyed).filter_map(|(step, keyed)| Some((step, keyed?))) {
+        for task in evaluator.tasks(plan, targets, *first)?.list {
+            let step = &plan.steps[task.step];
             let wires = step.inputs.iter().zip(step.node_type.info.inputs).filter_map(|(wire, port)| {
                 let from = &plan.steps[(*wire)?.step];
                 let output = from.node_type.info.outputs[(*wire)?.output].name;
                 let output = if (*wire)?.output == 0 { String::new() } else { format!(".{output}") };
                 Some(format!("{} = {}{output}", port.name, from.name))
             });
-            let state = match keyed.passes {
+            let state = match task.passes {
                 Some(port) => format!("passes {} through", step.node_type.info.inputs[port].name),
                 None if step.is_sink() => {
-                    format!("writes {}", keyed.node.output_files(*first as f64).join(", "))
+                    format!("writes {}", task.node.output_files(*first as f64).join(", "))
                 }
-                None if on_disk => format!("{}, on disk", keyed.key),
-                None => keyed.key.to_string(),
+                None if evaluator.is_on_disk(task.key) => format!("{}, on disk", task.key),
+                None => task.key.to_string(),
             };
+            let state = if task.frame == *first { state } else { format!("{state}, of frame {}", task.frame) };
             let (name, kind) = (&step.name, step.node_type.info.name);
             print(&format!("{name:12} {kind:16} {state}\n"));
             wires.for_each(|wire| print(&format!("{:29} {wire}\n", "")));

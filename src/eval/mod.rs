@@ -24,8 +24,8 @@ pub use memory::Memory;
 pub use report::{CacheUse, NodeReport, Report};
 
 use crate::device::Device;
-use crate::graph::{Plan, Wire};
-use crate::node::{Inputs, Job, Key};
+use crate::graph::{Plan, Step};
+use crate::node::{Given, Inputs, Job, Key};
 use crate::progress::{Progress, Sink};
 use crate::stored::SectionWriter;
 use crate::value::Value;
@@ -33,7 +33,7 @@ use crate::{Error, Result};
 use disk::Found;
 use files::FileHashes;
 use kept::Kept;
-use keys::Keyed;
+use keys::{Source, Task, Tasks};
 use serde_json::{Map, Value as Json};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -122,32 +122,31 @@ impl Evaluator {
         &self.device
     }
 
-    /// Keys of the targets and of all that they could need, without computing anything; and whether the disk holds it.
+    /// The targets and all that they could need, with their keys, without computing anything.
     ///
     /// # Errors
-    /// As `keys::keys`.
-    pub fn keys(&self, plan: &Plan, targets: &[usize], frame: i64) -> Result<Vec<Option<(Keyed, bool)>>> {
-        let keyed = keys::keys(plan, targets, frame as f64, &self.files)?;
-        let on_disk = |key: Key| self.disk.as_ref().is_some_and(|disk| disk.contains(key));
-        let look = |keyed: Keyed| {
-            let found = on_disk(keyed.key);
-            (keyed, found)
-        };
-        Ok(keyed.into_iter().map(|keyed| keyed.map(look)).collect())
+    /// As `keys::tasks`.
+    pub fn tasks(&self, plan: &Plan, targets: &[usize], frame: i64) -> Result<Tasks> {
+        keys::tasks(plan, targets, frame, &self.files, &self.memory)
+    }
+
+    pub fn is_on_disk(&self, key: Key) -> bool {
+        self.disk.as_ref().is_some_and(|disk| disk.contains(key))
     }
 
     /// What the memory cache holds of the targets and of what they take from, without computing
     /// anything; by step.
     ///
     /// # Errors
-    /// As `keys::keys`.
+    /// As `keys::tasks`.
     pub fn remembered(&self, plan: &Plan, targets: &[usize], frame: i64) -> Result<Vec<Option<Remembered>>> {
-        let keyed = keys::keys(plan, targets, frame as f64, &self.files)?;
-        let held = |key: Key| {
+        let tasks = self.tasks(plan, targets, frame)?;
+        let held = |step: usize| {
+            let key = tasks.at(step, frame)?.key;
             let values = self.memory.outputs::<Outputs>(key)?.values.clone();
             Some(Remembered { key, values })
         };
-        Ok(keyed.into_iter().map(|keyed| keyed.and_then(|keyed| held(keyed.key))).collect())
+        Ok((0..plan.steps.len()).map(held).collect())
     }
 
     /// The outputs of each target at a frame. What happened to each node is added to `report`, also on failure.
@@ -162,11 +161,12 @@ impl Evaluator {
         context: &Context,
         report: &mut Vec<NodeReport>,
     ) -> Result<Vec<Vec<Value>>> {
-        let keyed = keys::keys(plan, targets, frame as f64, &self.files)?;
-        let mut evaluation = Evaluation { evaluator: self, plan, keyed, context, frame, report };
-        let (needs, mut takers) = evaluation.needs(targets);
-        let mut results: Vec<Option<Arc<Outputs>>> = plan.steps.iter().map(|_| None).collect();
-        for (index, (need, wires)) in needs.into_iter().enumerate() {
+        let tasks = self.tasks(plan, targets, frame)?;
+        let numbers: Vec<usize> = targets.iter().map(|step| tasks.find(*step, frame).expect("it is asked for")).collect();
+        let mut evaluation = Evaluation { evaluator: self, plan, tasks: &tasks, context, report };
+        let (needs, mut takers) = evaluation.needs(&numbers);
+        let mut results: Vec<Option<Arc<Outputs>>> = tasks.list.iter().map(|_| None).collect();
+        for (index, (need, sources)) in needs.into_iter().enumerate() {
             let outputs = match need {
                 Need::Nothing => continue,
                 Need::Found(outputs) => outputs,
@@ -175,15 +175,15 @@ impl Evaluator {
             };
             results[index] = Some(outputs);
             // Values that nobody will ask for any more leave to the memory cache's judgement.
-            for wire in wires {
-                takers[wire.step] -= 1;
-                if takers[wire.step] == 0 {
-                    results[wire.step] = None;
+            for source in sources {
+                takers[source.task] -= 1;
+                if takers[source.task] == 0 {
+                    results[source.task] = None;
                 }
             }
         }
-        let values = |target: &usize| results[*target].as_ref().map_or_else(Vec::new, |outputs| outputs.values.clone());
-        Ok(targets.iter().map(values).collect())
+        let values = |number: &usize| results[*number].as_ref().map_or_else(Vec::new, |outputs| outputs.values.clone());
+        Ok(numbers.iter().map(values).collect())
     }
 }
 
@@ -191,29 +191,29 @@ impl Evaluator {
 struct Evaluation<'a> {
     evaluator: &'a Evaluator,
     plan: &'a Plan,
-    keyed: Vec<Option<Keyed>>,
+    tasks: &'a Tasks,
     context: &'a Context<'a>,
-    frame: i64,
     report: &'a mut Vec<NodeReport>,
 }
 
-impl Evaluation<'_> {
-    fn keyed(&self, step: usize) -> &Keyed {
-        self.keyed[step].as_ref().expect("keys reach all that is needed")
+impl<'a> Evaluation<'a> {
+    fn task(&self, index: usize) -> (&'a Step, &'a Task) {
+        let task = &self.tasks.list[index];
+        (&self.plan.steps[task.step], task)
     }
 
-    /// What each step must do and the wires that it takes from for that, and how many take from each step (targets
+    /// What each task must do and the sources that it takes from for that, and how many take from each task (targets
     /// count as one more).
-    fn needs(&mut self, targets: &[usize]) -> (Vec<(Need, Vec<Wire>)>, Vec<usize>) {
-        let plan = self.plan;
-        let mut takers = vec![0; plan.steps.len()];
+    fn needs(&mut self, targets: &[usize]) -> (Vec<(Need, Vec<Source>)>, Vec<usize>) {
+        let mut takers = vec![0; self.tasks.list.len()];
         targets.iter().for_each(|target| takers[*target] += 1);
         let mut needs = Vec::new();
-        for (index, step) in plan.steps.iter().enumerate().rev() {
+        for index in (0..self.tasks.list.len()).rev() {
+            let (step, task) = self.task(index);
             let need = match () {
                 () if takers[index] == 0 => Need::Nothing,
                 () if step.is_sink() => Need::Run(None),
-                () => match self.keyed(index).passes {
+                () => match task.passes {
                     Some(port) => Need::Pass(port),
                     None => match self.look_up(index) {
                         Some(found) if !self.evaluator.verify => Need::Found(found),
@@ -221,13 +221,13 @@ impl Evaluation<'_> {
                     },
                 },
             };
-            let wires: Vec<Wire> = match &need {
+            let sources: Vec<Source> = match &need {
                 Need::Nothing | Need::Found(_) => Vec::new(),
-                Need::Pass(port) => step.inputs[*port].into_iter().collect(),
-                Need::Run(_) => step.inputs.iter().copied().flatten().collect(),
+                Need::Pass(port) => task.inputs[*port][..1].to_vec(),
+                Need::Run(_) => task.inputs.iter().flatten().copied().collect(),
             };
-            wires.iter().for_each(|wire| takers[wire.step] += 1);
-            needs.push((need, wires));
+            sources.iter().for_each(|source| takers[source.task] += 1);
+            needs.push((need, sources));
         }
         needs.reverse();
         (needs, takers)
@@ -235,7 +235,8 @@ impl Evaluation<'_> {
 
     fn look_up(&mut self, index: usize) -> Option<Arc<Outputs>> {
         let start = Instant::now();
-        let (info, key) = (self.plan.steps[index].node_type.info, self.keyed(index).key);
+        let (step, task) = self.task(index);
+        let (info, key) = (step.node_type.info, task.key);
         if let Some(found) = self.evaluator.memory.outputs::<Outputs>(key) {
             self.tell(index, start, CacheUse::Memory, found.bytes(), found.notes.clone());
             return Some(found);
@@ -262,14 +263,25 @@ impl Evaluation<'_> {
         }
     }
 
-    fn input(&self, index: usize, port: usize, results: &[Option<Arc<Outputs>>]) -> Option<(Value, [Key; 4])> {
-        let wire = self.plan.steps[index].inputs[port]?;
-        let outputs = results[wire.step].as_ref().expect("sources are computed first");
-        Some((outputs.values[wire.output].clone(), self.keyed(wire.step).outputs[wire.output]))
+    fn given(&self, source: &Source, results: &[Option<Arc<Outputs>>]) -> Given {
+        let outputs = results[source.task].as_ref().expect("sources are computed first");
+        (outputs.values[source.output].clone(), self.tasks.list[source.task].outputs[source.output])
+    }
+
+    fn inputs(&self, index: usize, results: &[Option<Arc<Outputs>>]) -> Inputs<'a> {
+        let (step, task) = self.task(index);
+        let values = task.inputs.iter().map(|sources| Some(self.given(sources.first()?, results))).collect();
+        // A port that is asked for as it is now needs no second entry.
+        let others = task.inputs.iter().enumerate().filter(|(_, sources)| {
+            sources.len() > 1 || sources.first().is_some_and(|source| source.frame != task.frame)
+        });
+        let given = |port: usize, source: &Source| (port, source.frame, self.given(source, results));
+        let at_frames = others.flat_map(|(port, sources)| sources.iter().map(move |source| given(port, source))).collect();
+        Inputs { info: step.node_type.info, values, at_frames }
     }
 
     fn pass(&mut self, index: usize, port: usize, results: &[Option<Arc<Outputs>>]) -> Arc<Outputs> {
-        let (value, _) = self.input(index, port, results).expect("keys pass only what is connected");
+        let (value, _) = self.given(&self.task(index).1.inputs[port][0], results);
         self.tell(index, Instant::now(), CacheUse::Pass, value.bytes(), Map::new());
         Arc::new(Outputs { values: vec![value], notes: Map::new() })
     }
@@ -281,11 +293,9 @@ impl Evaluation<'_> {
         results: &[Option<Arc<Outputs>>],
     ) -> Result<Arc<Outputs>> {
         let start = Instant::now();
-        let step = &self.plan.steps[index];
-        let info = step.node_type.info;
-        let keyed = self.keyed(index);
-        let inputs =
-            Inputs { info, values: (0..info.inputs.len()).map(|port| self.input(index, port, results)).collect() };
+        let (step, task) = self.task(index);
+        let (info, key) = (step.node_type.info, task.key);
+        let inputs = self.inputs(index, results);
         let notes = Mutex::new(Map::new());
         let Evaluator { memory, disk, verify, .. } = self.evaluator;
         let memo = Kept { memory, disk: disk.as_ref(), verify: *verify };
@@ -293,24 +303,24 @@ impl Evaluation<'_> {
             device: &self.evaluator.device,
             progress: Progress { node: &step.name, sink: self.context.sink, cancel: self.context.cancel },
             memo: &memo,
-            frame: keyed.frame,
+            frame: task.told,
             fps: self.plan.fps,
             base: &self.plan.base,
             out: self.context.out,
             recipe: &|| self.plan.recipe(),
-            key: keyed.key,
+            key,
+            content: task.content,
             notes: &notes,
         };
         let values = job
             .progress
             .check()
-            .and_then(|()| keyed.node.run(&inputs, &job))
+            .and_then(|()| task.node.run(&inputs, &job))
             .map_err(|error| error.at_node(&step.name, info.name))?;
         drop(inputs);
         let given: Vec<_> = values.iter().map(Value::kind).collect();
         let declared: Vec<_> = info.outputs.iter().map(|port| port.kind).collect();
         assert_eq!(given, declared, "{} does not give what it declares", info.name);
-        let key = keyed.key;
         let outputs = Arc::new(Outputs { values, notes: notes.into_inner().expect("no panic while noting") });
         if !step.is_sink() {
             match cached {
@@ -323,7 +333,8 @@ impl Evaluation<'_> {
     }
 
     fn keep(&self, index: usize, key: Key, outputs: &Arc<Outputs>) {
-        let info = self.plan.steps[index].node_type.info;
+        let (step, _) = self.task(index);
+        let info = step.node_type.info;
         self.evaluator.memory.put_outputs(key, outputs.clone(), outputs.bytes());
         let Some(disk) = self.evaluator.disk.as_ref().filter(|_| info.stored) else { return };
         let values =
@@ -332,15 +343,15 @@ impl Evaluation<'_> {
         sections.value(&outputs.notes);
         sections.sections.extend(values.sections);
         if let Err(error) = disk.put(key, &sections) {
-            tracing::warn!("{} is not kept in the disk cache: {error}", self.plan.steps[index].name);
+            tracing::warn!("{} is not kept in the disk cache: {error}", step.name);
         }
     }
 
     fn tell(&mut self, index: usize, start: Instant, cache: CacheUse, bytes: u64, notes: Map<String, Json>) {
-        let step = &self.plan.steps[index];
+        let (step, task) = self.task(index);
         let seconds = start.elapsed().as_secs_f64();
-        let (node, kind, key) = (step.name.clone(), step.node_type.info.name, self.keyed(index).key.to_string());
-        self.report.push(NodeReport { node, kind, frame: self.frame, key, seconds, cache, bytes, notes });
+        let (node, kind, key) = (step.name.clone(), step.node_type.info.name, task.key.to_string());
+        self.report.push(NodeReport { node, kind, frame: task.frame, key, seconds, cache, bytes, notes });
     }
 }
 

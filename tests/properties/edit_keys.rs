@@ -59,7 +59,7 @@ fn each_parameter_changes_its_own_key_and_those_after_it_alone() {
             }))
         };
         let keys = |plan: &Plan| {
-            ["room", "view", "transport", "first", "mid", "last", "lit"].map(|node| keyed(plan, node, 1.0).key)
+            ["room", "view", "transport", "first", "mid", "last", "lit"].map(|node| keyed(plan, node, 1).key)
         };
         let before = keys(&plan(active.clone()));
         for (name, value) in changes.as_object().unwrap() {

@@ -45,7 +45,7 @@ fn a_new_colour_costs_no_new_transfer_and_shows() {
 #[test]
 fn materials_do_not_depend_on_lights() {
     let red = || json!({ "materials": ["red"], "roughness": 0.2 });
-    let facets = |plan: &Plan| keyed(plan, "paint", 1.0).outputs[0];
+    let facets = |plan: &Plan| keyed(plan, "paint", 1).outputs[0];
     let [a, b] = [70.0, 80.0].map(|lamp| facets(&painted(red(), lamp)));
     assert_eq!((a[0], a[1], a[3]), (b[0], b[1], b[3]), "geometry, materials, cameras");
     assert_ne!(a[2], b[2], "lights");

@@ -49,9 +49,10 @@ pub fn run_at(kind: &str, params: Json, inputs: &[(&str, Value)], at: At) -> Res
         out: at.out,
         recipe: &|| "{ \"chiaro\": 1 }".to_owned(),
         key: Key::of(&[b"key"]),
+        content: Key::of(&[b"content"]),
         notes: &notes,
     };
-    let values = node.run(&Inputs { info: node_type.info, values }, &job)?;
+    let values = node.run(&Inputs { info: node_type.info, values, at_frames: Vec::new() }, &job)?;
     Ok(Ran { values, notes: notes.into_inner().unwrap() })
 }
 

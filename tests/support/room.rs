@@ -1,10 +1,11 @@
 //! Small recipes in the built-in room, evaluated in this process.
 
 use chiaro::device::Device;
-use chiaro::eval::keys::{Keyed, keys};
+use chiaro::eval::keys::{Task, tasks};
 use chiaro::eval::{Context, Evaluator, NodeReport, Options, files::FileHashes};
 use chiaro::graph::{Document, Plan};
 use chiaro::image::Image;
+use chiaro::node::NoMemo;
 use chiaro::nodes;
 use chiaro::progress::Silent;
 use chiaro::value::Value;
@@ -78,9 +79,9 @@ pub fn layer(image: &Image, name: &str) -> Vec<f32> {
     image.layer(name).unwrap_or_else(|| panic!("no layer {name}")).data.to_vec()
 }
 
-pub fn keyed(plan: &Plan, node: &str, frame: f64) -> Keyed {
+pub fn keyed(plan: &Plan, node: &str, frame: i64) -> Task {
     let target = plan.find(node).unwrap_or_else(|| panic!("no node {node}"));
-    keys(plan, &[target], frame, &FileHashes::default()).unwrap().swap_remove(target).unwrap()
+    tasks(plan, &[target], frame, &FileHashes::default(), &NoMemo).unwrap().list.pop().unwrap()
 }
 
 /// Every bit of every layer.

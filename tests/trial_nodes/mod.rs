@@ -27,6 +27,7 @@ pub const NODES: &[NodeType] = &[
     NodeType::of::<Dump>(),
     NodeType::of::<Slow>(),
     NodeType::of::<Keeper>(),
+    NodeType::of::<Echo>(),
 ];
 
 const IMAGE: Port = Port::new("image", Kind::Image, "a picture");
@@ -347,5 +348,26 @@ impl Node for Keeper {
             }
         })?;
         Ok(vec![Value::Image(kept)])
+    }
+}
+
+params! {
+    /// A picture now, beside the same picture at other frames.
+    Echo { frames: Vec<i64> = vec![] }
+}
+
+impl Node for Echo {
+    const INFO: Info = Info { name: "echo", category: "Change", inputs: &[IMAGE], outputs: &[IMAGE], ..Info::NEW };
+
+    fn frames(&self, _: &str, frame: i64) -> Vec<i64> {
+        [frame].into_iter().chain(self.frames.iter().copied()).collect()
+    }
+
+    fn run(&self, inputs: &Inputs, _: &Job) -> Result<Vec<Value>> {
+        let mut all = values(inputs.get("image").unwrap());
+        for frame in &self.frames {
+            all.extend(values(inputs.at(*frame).get("image").unwrap()));
+        }
+        Ok(vec![picture(all)])
     }
 }

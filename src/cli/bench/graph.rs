@@ -210,6 +210,7 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
                     ))
                 })
                 .collect(),
+            at_frames: Vec::new(),
         };
         let job = Job {
             device: evaluator.device(),
@@ -221,6 +222,7 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
             out: None,
             recipe: &|| plan.recipe(),
             key: Key::of(&[&turn.to_le_bytes()]),
+            content: Key::of(&[b"none"]),
             notes: &Mutex::default(),
         };
         node.run(&inputs, &job).map(drop)
