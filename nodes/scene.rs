@@ -1,7 +1,8 @@
 //! Opens a scene: a glTF file, or one that ships in the program.
 
-use crate::node::{Facet, FacetRule, Info, Inputs, Job, Node, Port};
-use crate::scene::{Scene as SceneValue, builtin, file};
+use crate::node::{Facet, FacetRule, Info, Inputs, Job, Key, Node, Port, When};
+use crate::scene::file::{self, Model, Motion, Playing};
+use crate::scene::{Geometry, Scene as SceneValue, builtin};
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
 use schemars::JsonSchema;
@@ -14,9 +15,17 @@ use std::sync::Arc;
 pub struct Scene {
     /// A .gltf or .glb file, or `builtin:NAME` for a scene that ships in the program (`builtin:room`, `builtin:hall`).
     pub file: String,
-    /// Frames a second that animation in the file is played at.
+    /// Frames a second that animation in the file is played at: frame 24 shows the file after one second at 24.
     #[schemars(range(min = 1.0, max = 1000.0), extend("unit" = "1/s"))]
     pub fps: f32,
+    /// Frames that the animation is ahead of the picture; a curve holds, slows or turns time.
+    #[schemars(extend("unit" = "frames"))]
+    pub offset: f32,
+    /// Animations of the file to play, by name; `*` and `?` stand for anything. Empty: all, but of two that move the same
+    /// thing only the first.
+    pub animations: Vec<String>,
+    /// Begin again when the animation is over, instead of holding its end.
+    pub repeat: bool,
     /// Lengths in the file are multiplied by this to become metres.
     #[schemars(range(min = 1e-6, max = 1e6))]
     pub scale: f32,
@@ -24,7 +33,7 @@ pub struct Scene {
 
 impl Default for Scene {
     fn default() -> Self {
-        Self { file: "builtin:room".into(), fps: 24.0, scale: 1.0 }
+        Self { file: "builtin:room".into(), fps: 24.0, offset: 0.0, animations: Vec::new(), repeat: false, scale: 1.0 }
     }
 }
 
@@ -43,7 +52,9 @@ impl Node for Scene {
             FacetRule::From(Facet::Geometry, &[]),
             FacetRule::From(Facet::Materials, &[]),
             FacetRule::From(Facet::Cameras, &[]),
+            FacetRule::From(Facet::Lights, &[("lights", &[Facet::Lights])]),
         ],
+        uses_frame: true,
         ..Info::NEW
     };
 
@@ -55,11 +66,24 @@ impl Node for Scene {
         if self.file.starts_with(BUILTIN) { vec![] } else { file::dependencies(&base.join(&self.file)) }
     }
 
+    fn uses_frame(&self, _: &Path) -> bool {
+        !self.file.starts_with(BUILTIN)
+    }
+
+    fn moments(&self, when: &When) -> Result<[Key; 4]> {
+        let (path, key) = (when.base.join(&self.file), Key::of(&[b"motion", &when.content.0]));
+        let motion = when.memo.remember(key, |motion: &Option<Motion>| motion.as_ref().map_or(64, Motion::bytes), || Motion::open(&path))?;
+        let Some(motion) = &*motion else { return Ok([Key::of(&[b"always"]); 4]) };
+        let playing = motion.play(&self.animations)?;
+        let time = self.time(&playing, when.frame);
+        Ok(motion.moments(&motion.pose(&playing, time, 1.0)))
+    }
+
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let mut scene = match self.file.strip_prefix(BUILTIN) {
             Some(name) => built_in(name)?,
             None => {
-                let (scene, census) = file::read(&job.path(&self.file), self.scale)?;
+                let (scene, census) = self.posed(job)?;
                 job.note("triangles", census.triangles);
                 if census.zero_area > 0 {
                     job.note("triangles_without_area", census.zero_area);
@@ -83,6 +107,41 @@ impl Node for Scene {
         job.note("lights", scene.lights.len());
         job.note("cameras", scene.cameras.len());
         Ok(vec![Value::Scene(Arc::new(scene))])
+    }
+}
+
+impl Scene {
+    /// Of the file's animation, seconds.
+    fn time(&self, playing: &Playing, frame: f64) -> f32 {
+        let time = ((frame + f64::from(self.offset)) / f64::from(self.fps)) as f32;
+        let (first, last) = playing.span;
+        if self.repeat && last > first { first + (time - first).rem_euclid(last - first) } else { time }
+    }
+
+    fn posed(&self, job: &Job) -> Result<(SceneValue, file::Census)> {
+        let path = job.path(&self.file);
+        let model = job.memo(Key::of(&[b"model", &job.content.0]), Model::bytes, || Model::open(&path))?;
+        let playing = match model.motion.animations().next() {
+            Some(_) => model.motion.play(&self.animations)?,
+            None if self.animations.is_empty() => Playing::default(),
+            None => {
+                let message = format!("the file holds no animation, so none is called \"{}\"", self.animations[0]);
+                return Err(Error::file(&path, message, "take animations out of the recipe, or export them too"));
+            }
+        };
+        let names = playing.names.join("\n");
+        let key = Key::of(&[b"poses", &job.content.0, &self.scale.to_le_bytes(), names.as_bytes()]);
+        let bytes = |poses: &Arc<[Geometry]>| poses.iter().map(Geometry::bytes).sum();
+        let poses = job.memo(key, bytes, || model.poses(&path, &playing, self.scale))?;
+        if !playing.names.is_empty() {
+            job.note("animations", playing.names.clone());
+            job.note("time", self.time(&playing, job.frame));
+        }
+        if !playing.left_out.is_empty() {
+            job.note("animations_left_out", playing.left_out.clone());
+        }
+        let pose = model.motion.pose(&playing, self.time(&playing, job.frame), self.scale);
+        model.scene(&path, &pose, (*poses).clone())
     }
 }
 

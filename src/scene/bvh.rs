@@ -69,12 +69,13 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    pub fn build(corners: &[[[f32; 3]; 3]]) -> Self {
-        let triangles: Vec<Triangle> =
-            corners.iter().map(|[a, b, c]| Triangle { v0: (*a).into(), v1: (*b).into(), v2: (*c).into() }).collect();
+    /// Over the triangles that are named by number.
+    pub fn build(corners: &[[[f32; 3]; 3]], named: &[u32]) -> Self {
+        let triangle = |[a, b, c]: [[f32; 3]; 3]| Triangle { v0: a.into(), v1: b.into(), v2: c.into() };
+        let triangles: Vec<Triangle> = named.iter().map(|&i| triangle(corners[i as usize])).collect();
         let params = BvhBuildParams { pre_split: false, max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
         let bvh = build_bvh2_from_tris(&triangles, params, &mut Duration::default());
-        let facets: Vec<Facet> = bvh.primitive_indices.iter().map(|&i| facet(i, &corners[i as usize])).collect();
+        let facets: Vec<Facet> = bvh.primitive_indices.iter().map(|&i| facet(named[i as usize], &corners[named[i as usize] as usize])).collect();
         let wide = widen(&bvh);
         let nodes = bvh.nodes.iter().map(node).collect::<Vec<_>>();
         let depth = depth(&nodes);

@@ -7,6 +7,7 @@ use crate::scene::bvh::Bvh;
 use crate::{Error, Result};
 use glam::{Mat3, Mat4, Vec3};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// "No such thing" among indices.
 pub const NONE: u32 = u32::MAX;
@@ -65,6 +66,9 @@ pub struct Geometry {
     pub bvh: Bvh,
     /// A hash of all of the above: what was made for one geometry must not be used with another.
     pub fingerprint: Fingerprint,
+    /// Where the same triangles are at some times of their animation, the same for every frame; none when they do not
+    /// move. What must not change from frame to frame is found in these (`transport::gather`).
+    pub poses: Arc<[Geometry]>,
     bounds: (Vec3, Vec3),
 }
 
@@ -73,10 +77,20 @@ impl Geometry {
         (36 + 36 + 24 + 8) * self.corners.len() as u64 + self.bvh.bytes()
     }
 
+    /// What does not change from frame to frame: the poses, or the geometry itself when it does not move.
+    pub fn over_time(&self) -> &[Geometry] {
+        if self.poses.is_empty() { std::slice::from_ref(self) } else { &self.poses }
+    }
+
     /// Twice the area vector of a triangle: direction of its front side.
     pub fn area_vector(&self, triangle: usize) -> Vec3 {
         let [a, b, c] = self.corners[triangle].map(Vec3::from);
         (b - a).cross(c - a)
+    }
+
+    /// Has no area at this moment: no ray hits it, and it is not in the BVH.
+    pub fn is_flat(&self, triangle: usize) -> bool {
+        self.area_vector(triangle).length_squared() <= SMALLEST
     }
 
     /// Square metres.
@@ -140,10 +154,15 @@ pub struct GeometryBuilder {
     /// Of `objects`, by name.
     numbers: HashMap<String, u32>,
     pub rejected: Rejected,
+    /// Triangles without area keep their numbers; nothing ever hits them.
+    keep_all: bool,
 }
 
 /// Coordinates beyond this have no meaning in 32 bits; areas and distances of such triangles overflow. Metres.
 const FARTHEST: f32 = 1e9;
+
+/// Of twice a triangle's area, squared (m⁴): below, it has none.
+const SMALLEST: f32 = 1e-30;
 
 /// One indexed triangle mesh in its own space.
 pub struct Mesh<'a> {
@@ -155,6 +174,12 @@ pub struct Mesh<'a> {
 }
 
 impl GeometryBuilder {
+    /// For surfaces that move: what has no area now may have some at another time, and must not change the numbers of
+    /// other triangles.
+    pub fn of_moving() -> Self {
+        Self { keep_all: true, ..Self::default() }
+    }
+
     /// The number of the object of that name, new if need be.
     pub fn object(&mut self, name: &str) -> u32 {
         if let Some(&number) = self.numbers.get(name) {
@@ -197,11 +222,13 @@ impl GeometryBuilder {
             }
             let area_vector = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let squared = area_vector.length_squared();
-            if squared.is_nan() || squared <= 1e-30 {
+            if squared.is_nan() || squared <= SMALLEST {
                 self.rejected.zero_area += 1;
-                continue;
+                if !self.keep_all {
+                    continue;
+                }
             }
-            let geometric = area_vector.normalize();
+            let geometric = area_vector.normalize_or_zero();
             let normals = index.map(|i| {
                 let normal = mesh.normals.and_then(|n| n.get(i)).map_or(Vec3::ZERO, |n| Vec3::from(*n));
                 let world = (normal_matrix * normal).normalize_or(geometric);
@@ -219,13 +246,19 @@ impl GeometryBuilder {
 
     /// Errors: no triangle with an area.
     pub fn finish(self, material_names: Vec<String>) -> Result<Geometry> {
-        if self.corners.is_empty() {
+        let area2 = |[a, b, c]: &[[f32; 3]; 3]| {
+            let a = Vec3::from(*a);
+            (Vec3::from(*b) - a).cross(Vec3::from(*c) - a).length_squared()
+        };
+        let solid: Vec<u32> =
+            (0..self.corners.len() as u32).filter(|i| area2(&self.corners[*i as usize]) > SMALLEST).collect();
+        if solid.is_empty() {
             return Err(Error::compute(
                 format!("the scene has no triangle with an area ({} without)", self.rejected.zero_area),
                 "export the meshes too, or choose another file",
             ));
         }
-        let bvh = Bvh::build(&self.corners);
+        let bvh = Bvh::build(&self.corners, &solid);
         let mut hasher = blake3::Hasher::new();
         hasher.update_rayon(bytemuck::cast_slice(&self.corners));
         hasher.update_rayon(bytemuck::cast_slice(&self.normals));
@@ -248,6 +281,7 @@ impl GeometryBuilder {
             fingerprint,
             material_names,
             bvh,
+            poses: Arc::new([]),
             bounds,
         })
     }

@@ -6,14 +6,12 @@ pub mod camera;
 pub mod cube;
 pub mod environment;
 pub mod file;
-mod file_material;
 pub mod geometry;
 pub mod lat_long;
 mod lat_long_cube;
 pub mod light;
 pub mod material;
 pub mod occluders;
-pub mod sound;
 pub mod texture;
 pub mod wide;
 

@@ -65,7 +65,7 @@ impl Occluders {
         let bvh = match corners.len() {
             0 => Bvh::default(),
             all if all == geometry.corners.len() => geometry.bvh.clone(),
-            _ => Bvh::build(&corners),
+            _ => Bvh::build(&corners, &(0..corners.len() as u32).collect::<Vec<_>>()),
         };
         let corners: Vec<[[f32; 3]; 3]> =
             bvh.facets.iter().map(|facet| sorted(corners[facet.triangle as usize])).collect();

@@ -2,7 +2,8 @@
 //!
 //! They lie uniformly by area over the live sides of all surfaces, number a power of two, are addressed by triangle and
 //! barycentrics, and are ordered by hierarchical clustering, so that sample `i` is leaf `count + i` of a complete binary
-//! tree: node `n` has children `2n` and `2n + 1`, node 1 is the whole scene.
+//! tree: node `n` has children `2n` and `2n + 1`, node 1 is the whole scene. Addresses and order are found in
+//! `Geometry::over_time`, so they are the same in all frames of an animation (thesis 5.3.4): only the places change.
 
 use crate::device::Array;
 use crate::scene::bvh::Ray;
@@ -61,17 +62,23 @@ impl Gather {
                 format!("use {}", count.clamp(2, 1 << 20).next_power_of_two().min(1 << 20)),
             ));
         }
-        let area = live_area(geometry, live);
+        let poses = geometry.over_time();
+        // What is folded up in one pose may be spread out in another.
+        let areas: Vec<f32> =
+            (0..geometry.corners.len()).map(|i| poses.iter().map(|pose| pose.area(i)).fold(0.0, f32::max)).collect();
+        let area = live_list(&poses[0], live).map(|(triangle, _)| f64::from(areas[triangle])).sum::<f64>();
         if area.is_nan() || area <= 0.0 {
             return Err(Error::compute(
                 "no surface is in view, so there is nothing to gather light from",
                 "turn the camera towards the scene",
             ));
         }
-        let (points, barycentrics) = scatter(geometry, live, count, area);
-        let order = cluster::order(&points);
-        let points: Vec<SurfacePoint> = order.iter().map(|&i| points[i as usize]).collect();
-        let barycentrics: Vec<[f32; 2]> = order.iter().map(|&i| barycentrics[i as usize]).collect();
+        let addresses = scatter(&poses[0], live, &areas, count, area);
+        let point = |geometry: &Geometry, at: &Address| geometry.surface_point(at.triangle, at.u, at.v, at.front);
+        let order = cluster::order(&addresses.iter().map(|at| point(&poses[0], at)).collect::<Vec<_>>());
+        let addresses: Vec<Address> = order.iter().map(|&i| addresses[i as usize]).collect();
+        let points: Vec<SurfacePoint> = addresses.iter().map(|at| point(geometry, at)).collect();
+        let barycentrics: Vec<[f32; 2]> = addresses.iter().map(|at| [at.u, at.v]).collect();
         let area = (area / count as f64) as f32;
         let (sides, cells) = cells(geometry, live, &points, area);
         let radius2 = cluster::squared_radii(&points);
@@ -86,10 +93,23 @@ impl Gather {
     }
 }
 
-/// Triangle sides that are live, in the order of BVH leaves: neighbours in the list are neighbours in space.
+/// A place on a surface, whatever becomes of the surface.
+#[derive(Clone, Copy)]
+struct Address {
+    triangle: usize,
+    front: bool,
+    u: f32,
+    v: f32,
+}
+
+/// Triangle sides that are live, in the order of BVH leaves: neighbours in the list are neighbours in space. Triangles
+/// without area in this pose come last.
 fn live_list<'a>(geometry: &'a Geometry, live: &'a Live) -> impl Iterator<Item = (usize, bool)> + 'a {
-    geometry.bvh.facets.iter().flat_map(move |facet| {
-        let triangle = facet.triangle as usize;
+    let facets = &geometry.bvh.facets;
+    let flat = (facets.len() < geometry.corners.len())
+        .then(|| (0..geometry.corners.len()).filter(|triangle| geometry.is_flat(*triangle)));
+    let triangles = facets.iter().map(|facet| facet.triangle as usize).chain(flat.into_iter().flatten());
+    triangles.flat_map(move |triangle| {
         [(1, true), (2, false)]
             .into_iter()
             .filter(move |(bit, _)| live[triangle] & bit != 0)
@@ -97,15 +117,10 @@ fn live_list<'a>(geometry: &'a Geometry, live: &'a Live) -> impl Iterator<Item =
     })
 }
 
-fn live_area(geometry: &Geometry, live: &Live) -> f64 {
-    live_list(geometry, live).map(|(triangle, _)| f64::from(geometry.area(triangle))).sum()
-}
-
 /// Walks the cumulated area in equal steps; a triangle's share gets a lattice of its own.
-fn scatter(geometry: &Geometry, live: &Live, count: usize, total: f64) -> (Vec<SurfacePoint>, Vec<[f32; 2]>) {
+fn scatter(geometry: &Geometry, live: &Live, areas: &[f32], count: usize, total: f64) -> Vec<Address> {
     let step = total / count as f64;
-    let mut points = Vec::with_capacity(count);
-    let mut barycentrics = Vec::with_capacity(count);
+    let mut addresses = Vec::with_capacity(count);
     // Half a step in: the walk then takes `count` steps whatever the rounding.
     let (mut walked, mut next) = (0.0, 0.5 * step);
     let mut put = |triangle: usize, front: bool, here: u32| {
@@ -113,14 +128,13 @@ fn scatter(geometry: &Geometry, live: &Live, count: usize, total: f64) -> (Vec<S
         for i in 0..here {
             let at = if here == 1 { shift } else { sampling::lattice(i, here, Vec2::new(0.0, shift.y)) };
             let at = sampling::triangle(at);
-            points.push(geometry.surface_point(triangle, at.x, at.y, front));
-            barycentrics.push([at.x, at.y]);
+            addresses.push(Address { triangle, front, u: at.x, v: at.y });
         }
     };
     let mut placed = 0;
     let mut last = (0, true);
     for (triangle, front) in live_list(geometry, live) {
-        walked += f64::from(geometry.area(triangle));
+        walked += f64::from(areas[triangle]);
         let mut here = 0;
         while next < walked && placed < count {
             here += 1;
@@ -133,7 +147,7 @@ fn scatter(geometry: &Geometry, live: &Live, count: usize, total: f64) -> (Vec<S
         }
     }
     put(last.0, last.1, (count - placed) as u32);
-    (points, barycentrics)
+    addresses
 }
 
 /// Position (from `centre`) and normal in one space: turning by 90 degrees is as far as six sample distances.

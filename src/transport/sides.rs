@@ -3,7 +3,8 @@
 //! A wall has two sides, a solid has an inside that nothing ever sees. Gather samples there would be wasted, and one
 //! sample for both sides would leak light through the wall. So surfaces are cut into connected parts, rays from both
 //! sides of each part find which other sides it sees, and the live sides are those that light can reach from the
-//! samples that are looked at. Deterministic; it depends on the view only through which space the view is in.
+//! samples that are looked at. Deterministic; it depends on the view only through which space the view is in. What moves
+//! is looked at in several poses (`Geometry::over_time`), so that the sides are the same in all frames.
 
 use crate::kernels::transfer_rows::unit_ray;
 use crate::scene::{Geometry, SurfacePoint};
@@ -24,10 +25,16 @@ const CRACK: f32 = 0.002;
 
 /// `seen`: surface points that are looked at.
 pub fn live_sides(geometry: &Geometry, seen: &[SurfacePoint]) -> Live {
-    let part = connected_parts(geometry);
+    let poses = geometry.over_time();
+    let part = connected_parts(&poses[0]);
     let parts = part.iter().max().map_or(0, |&last| last as usize + 1);
     let node = |triangle: u32, front: bool| 2 * part[triangle as usize] as usize + usize::from(!front);
-    let edges = views(geometry, &part, parts, node);
+    let mut edges = vec![Vec::new(); 2 * parts];
+    for pose in poses {
+        for (edges, more) in edges.iter_mut().zip(views(pose, &part, parts, node)) {
+            edges.extend(more);
+        }
+    }
 
     let mut live = vec![false; 2 * parts];
     let mut todo: Vec<usize> = Vec::new();
@@ -91,7 +98,7 @@ fn pilot(parts: usize) -> (usize, u32) {
 /// For every side, the sides that it sees, or that see it, by more than a crack.
 fn views(geometry: &Geometry, part: &[u32], parts: usize, node: impl Fn(u32, bool) -> usize + Sync) -> Vec<Vec<usize>> {
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); parts];
-    for (triangle, &p) in part.iter().enumerate() {
+    for (triangle, &p) in part.iter().enumerate().filter(|(triangle, _)| !geometry.is_flat(*triangle)) {
         members[p as usize].push(triangle as u32);
     }
     let (places, rays_each) = pilot(parts);

@@ -77,6 +77,46 @@ impl Glb {
         self
     }
 
+    /// Adds an accessor of floats, `width` to an element (16: a matrix); its number.
+    pub fn floats(&mut self, width: usize, numbers: &[f32]) -> usize {
+        let kind = ["SCALAR", "VEC2", "VEC3", "VEC4", "MAT4"][width.min(5) - 1];
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        self.accessor(5126, kind, numbers.len() / width, &bytes)
+    }
+
+    /// Adds an accessor of bytes, four to an element; its number.
+    pub fn joints(&mut self, numbers: &[[u8; 4]]) -> usize {
+        self.accessor(5121, "VEC4", numbers.len(), numbers.as_flattened())
+    }
+
+    fn accessor(&mut self, component: u32, kind: &str, count: usize, bytes: &[u8]) -> usize {
+        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        let view = json!({ "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len() });
+        self.bin.extend(bytes);
+        self.json["buffers"][0]["byteLength"] = self.bin.len().into();
+        let views = self.json["bufferViews"].as_array_mut().unwrap();
+        views.push(view);
+        let accessor = json!({ "bufferView": views.len() - 1, "componentType": component, "count": count, "type": kind });
+        let accessors = self.json["accessors"].as_array_mut().unwrap();
+        accessors.push(accessor);
+        accessors.len() - 1
+    }
+
+    /// Adds an animation of one property of a node: keys at `times` (s), `width` numbers each.
+    pub fn animate(mut self, name: &str, node: usize, path: &str, width: usize, times: &[f32], values: &[f32]) -> Self {
+        let (input, output) = (self.floats(1, times), self.floats(if path == "weights" { 1 } else { width }, values));
+        let animation = json!({
+            "name": name,
+            "channels": [{ "sampler": 0, "target": { "node": node, "path": path } }],
+            "samplers": [{ "input": input, "output": output }]
+        });
+        match self.json["animations"].as_array_mut() {
+            Some(list) => list.push(animation),
+            None => self.json["animations"] = json!([animation]),
+        }
+        self
+    }
+
     /// Overwrites a float of the positions.
     pub fn float(mut self, index: usize, value: f32) -> Self {
         self.bin[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());

@@ -3,6 +3,7 @@
 
 use crate::{Error, Result};
 use gltf::accessor::{DataType, Dimensions};
+use gltf::animation::Property;
 use gltf::{Accessor, Semantic};
 use serde_json::Value as Json;
 use std::path::Path;
@@ -131,14 +132,49 @@ pub fn check_accessors(path: &Path, document: &gltf::Document, buffers: &[gltf::
     for mesh in document.meshes() {
         for primitive in mesh.primitives() {
             let attributes = primitive.attributes().map(|(semantic, accessor)| (Some(semantic), accessor));
-            for (semantic, accessor) in attributes.chain(primitive.indices().map(|accessor| (None, accessor))) {
+            let targets = primitive.morph_targets().flat_map(|target| [
+                (Some(Semantic::Positions), target.positions()),
+                (Some(Semantic::Normals), target.normals()),
+            ]);
+            let targets = targets.filter_map(|(semantic, accessor)| Some((semantic, accessor?)));
+            let indices = primitive.indices().map(|accessor| (None, accessor));
+            for (semantic, accessor) in attributes.chain(indices).chain(targets) {
                 check_type(semantic, &accessor).map_err(|what| {
                     damaged(path, format!("mesh {}, accessor {}: {what}", mesh.index(), accessor.index()))
                 })?;
             }
         }
     }
+    for skin in document.skins() {
+        let Some(accessor) = skin.inverse_bind_matrices() else { continue };
+        let fits = accessor.count() >= skin.joints().count();
+        if !is(&accessor, &[DataType::F32], Dimensions::Mat4) || !fits {
+            let what = format!("skin {}, accessor {}: no matrix for each joint", skin.index(), accessor.index());
+            return Err(damaged(path, what));
+        }
+    }
+    for animation in document.animations() {
+        for (index, channel) in animation.channels().enumerate() {
+            let (times, values) = (channel.sampler().input(), channel.sampler().output());
+            let (kinds, dimensions): (&[DataType], _) = match channel.target().property() {
+                Property::Translation | Property::Scale => (&[DataType::F32], Dimensions::Vec3),
+                Property::Rotation => (NORMALISED, Dimensions::Vec4),
+                Property::MorphTargetWeights => (NORMALISED, Dimensions::Scalar),
+            };
+            if !is(&times, &[DataType::F32], Dimensions::Scalar) || !is(&values, kinds, dimensions) {
+                let what = format!("animation {}, channel {index}: its times or its values are of a wrong type", animation.index());
+                return Err(damaged(path, what));
+            }
+        }
+    }
     Ok(())
+}
+
+/// Numbers that may stand for [-1, 1].
+const NORMALISED: &[DataType] = &[DataType::F32, DataType::I8, DataType::U8, DataType::I16, DataType::U16];
+
+fn is(accessor: &Accessor, kinds: &[DataType], dimensions: Dimensions) -> bool {
+    kinds.contains(&accessor.data_type()) && accessor.dimensions() == dimensions
 }
 
 fn check_sizes(accessor: &Accessor) -> std::result::Result<(), String> {
@@ -179,11 +215,13 @@ fn check_type(semantic: Option<Semantic>, accessor: &Accessor) -> std::result::R
         Some(Semantic::Positions) => ("positions", &[F32], Dimensions::Vec3),
         Some(Semantic::Normals) => ("normals", &[F32], Dimensions::Vec3),
         Some(Semantic::TexCoords(_)) => ("texture coordinates", &[F32, U8, U16], Dimensions::Vec2),
+        Some(Semantic::Joints(_)) => ("joints", &[U8, U16], Dimensions::Vec4),
+        Some(Semantic::Weights(_)) => ("weights of joints", &[F32, U8, U16], Dimensions::Vec4),
         None => ("indices", &[U8, U16, U32], Dimensions::Scalar),
         // Not read.
         Some(_) => return Ok(()),
     };
-    match kinds.contains(&accessor.data_type()) && accessor.dimensions() == dimensions {
+    match is(accessor, kinds, dimensions) {
         true => Ok(()),
         false => Err(format!("{what} are not {:?} of {:?}", accessor.dimensions(), accessor.data_type())),
     }
