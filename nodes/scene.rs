@@ -72,7 +72,11 @@ impl Node for Scene {
 
     fn moments(&self, when: &When) -> Result<[Key; 4]> {
         let (path, key) = (when.base.join(&self.file), Key::of(&[b"motion", &when.content.0]));
-        let motion = when.memo.remember(key, |motion: &Option<Motion>| motion.as_ref().map_or(64, Motion::bytes), || Motion::open(&path))?;
+        let motion = when.memo.remember(
+            key,
+            |motion: &Option<Motion>| motion.as_ref().map_or(64, Motion::bytes),
+            || Motion::open(&path),
+        )?;
         let Some(motion) = &*motion else { return Ok([Key::of(&[b"always"]); 4]) };
         let playing = motion.play(&self.animations)?;
         let time = self.time(&playing, when.frame);

@@ -212,11 +212,7 @@ fn moving_a_lamp_changes_only_what_reads_lights() {
     assert_ne!(key(&before, "shade", 1), key(&after, "shade", 1));
     let moved = nodes(1.0, "b");
     assert_ne!(key(&before, "outline", 1), key(&moved, "outline", 1));
-    assert_ne!(
-        key(&before, "lamp", 1),
-        key(&moved, "lamp", 1),
-        "it hands the triangles on, so they are in its value"
-    );
+    assert_ne!(key(&before, "lamp", 1), key(&moved, "lamp", 1), "it hands the triangles on, so they are in its value");
     let evaluator = evaluator();
     evaluate(&evaluator, &before, "outline", 1);
     assert_eq!(values(&evaluate(&evaluator, &before, "shade", 1).0[0]), [1.5]);

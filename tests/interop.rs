@@ -7,10 +7,13 @@
 #[allow(dead_code)]
 #[path = "support/node.rs"]
 mod node;
+mod support;
 
 use chiaro::image::cryptomatte::{Cryptomatte, rank};
 use chiaro::image::view_transform::{Source, Wish};
 use chiaro::image::{ColourSpace, Content, Image, Layer, exr_read};
+use chiaro::scene::LightKind;
+use chiaro::value::Value;
 use node::{At, image, run_at};
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
@@ -301,6 +304,84 @@ fn blender_keys_objects_out_of_our_files() {
         println!("{name}: {soft} soft pixels, at most {most:e} apart");
         assert!(soft > 20 && most < 1e-6, "{name}: {most}");
     }
+}
+
+/// Skinned, turned and moved things are where Blender has them, at every frame asked.
+#[test]
+fn blender_poses_files_as_we_do() {
+    let test = "blender_poses_files_as_we_do";
+    let Some(python) = script(test, &["bpy"]) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let cases = [
+        ("scenes/fox.glb", "Run", [0, 5, 13, 40]),
+        ("scenes/fox.glb", "Survey", [1, 20, 50, 77]),
+        ("scenes/stage-anim.glb", "", [1, 8, 17, 24]),
+    ];
+    let mut moved = 0.0f32;
+    for (file, clip, frames) in cases {
+        let [path] = &support::all_data(test, &[file])[..] else { return };
+        let out = folder.path().join("poses.json");
+        let frames_text = frames.map(|frame| frame.to_string());
+        let arguments = [
+            &["pose", path.to_str().unwrap(), clip, out.to_str().unwrap()][..],
+            &frames_text.each_ref().map(String::as_str),
+        ]
+        .concat();
+        python(&arguments);
+        let blender: Json = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();
+        let mut first: Option<Vec<[f32; 3]>> = None;
+        for frame in frames {
+            let params = json!({ "file": path, "animations": if clip.is_empty() { json!([]) } else { json!([clip]) } });
+            let at = At { base: folder.path(), out: None, frame: frame as f64 };
+            let Value::Scene(scene) = run_at("scene", params, &[], at).unwrap().values.swap_remove(0) else {
+                panic!("a scene")
+            };
+            let mut places: BTreeMap<&str, Vec<[f32; 3]>> = BTreeMap::new();
+            for (corners, object) in scene.geometry.corners.iter().zip(&scene.geometry.object[..]) {
+                places.entry(&scene.geometry.objects[*object as usize]).or_default().extend(corners);
+            }
+            for light in &scene.lights[..] {
+                let (LightKind::Spot { position, .. } | LightKind::Point { position }) = light.kind else { continue };
+                places.insert(&light.name, vec![position.to_array()]);
+            }
+            places.extend(scene.cameras.iter().map(|camera| (camera.name.as_str(), vec![camera.position.to_array()])));
+            let size = scene.geometry.bounds().1.distance(scene.geometry.bounds().0);
+            let theirs = blender[frame.to_string()].as_object().unwrap();
+            let mut most = 0.0f32;
+            for (name, ours) in &places {
+                let points = theirs[*name].as_array().unwrap().iter();
+                let points: Vec<[f32; 3]> = points.map(|p| [0, 1, 2].map(|i| p[i].as_f64().unwrap() as f32)).collect();
+                // Vertices that triangles share come in another order: then boxes have to do.
+                let bounds = |points: &[[f32; 3]]| {
+                    let points = || points.iter().map(|p| glam::Vec3::from(*p));
+                    vec![
+                        points().reduce(glam::Vec3::min).unwrap().to_array(),
+                        points().reduce(glam::Vec3::max).unwrap().to_array(),
+                    ]
+                };
+                let (ours, theirs) =
+                    if ours.len() == points.len() { (ours.clone(), points) } else { (bounds(ours), bounds(&points)) };
+                most =
+                    ours.iter().flatten().zip(theirs.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(most, f32::max);
+            }
+            println!(
+                "{file} {clip}, frame {frame}: {} things, at most {:.1e} of the scene's size apart",
+                places.len(),
+                most / size
+            );
+            assert!(places.len() == 1 || places.len() == 13, "{places:?}");
+            assert!(most < 2e-5 * size, "{file}, frame {frame}: {most}");
+            let all: Vec<[f32; 3]> = places.into_values().flatten().collect();
+            let then = first.get_or_insert_with(|| all.clone());
+            moved = all
+                .iter()
+                .flatten()
+                .zip(then.iter().flatten())
+                .map(|(a, b)| (a - b).abs() / size)
+                .fold(moved, f32::max);
+        }
+    }
+    assert!(moved > 0.05, "nothing moves: nothing was tried");
 }
 
 #[test]

@@ -163,7 +163,8 @@ impl Asked<'_> {
         let of_source = |source: &Source| tasks.list[source.task].outputs[source.output];
         // What is handed through untouched is part of the value, even if the node never looks at it.
         let kept = |port: &Port, facet: &Facet| {
-            let keeps = |rule: &FacetRule| matches!(rule, FacetRule::Keeps(kept, from) if kept == facet && *from == port.name);
+            let keeps =
+                |rule: &FacetRule| matches!(rule, FacetRule::Keeps(kept, from) if kept == facet && *from == port.name);
             info.facets.iter().any(keeps)
         };
         let input = |port: usize, facets: &dyn Fn(&Facet) -> bool| {

@@ -162,7 +162,8 @@ impl Evaluator {
         report: &mut Vec<NodeReport>,
     ) -> Result<Vec<Vec<Value>>> {
         let tasks = self.tasks(plan, targets, frame)?;
-        let numbers: Vec<usize> = targets.iter().map(|step| tasks.find(*step, frame).expect("it is asked for")).collect();
+        let numbers: Vec<usize> =
+            targets.iter().map(|step| tasks.find(*step, frame).expect("it is asked for")).collect();
         let mut evaluation = Evaluation { evaluator: self, plan, tasks: &tasks, context, report };
         let (needs, mut takers) = evaluation.needs(&numbers);
         let mut results: Vec<Option<Arc<Outputs>>> = tasks.list.iter().map(|_| None).collect();
@@ -276,7 +277,8 @@ impl<'a> Evaluation<'a> {
             sources.len() > 1 || sources.first().is_some_and(|source| source.frame != task.frame)
         });
         let given = |port: usize, source: &Source| (port, source.frame, self.given(source, results));
-        let at_frames = others.flat_map(|(port, sources)| sources.iter().map(move |source| given(port, source))).collect();
+        let at_frames =
+            others.flat_map(|(port, sources)| sources.iter().map(move |source| given(port, source))).collect();
         Inputs { info: step.node_type.info, values, at_frames }
     }
 

@@ -75,7 +75,11 @@ impl Bvh {
         let triangles: Vec<Triangle> = named.iter().map(|&i| triangle(corners[i as usize])).collect();
         let params = BvhBuildParams { pre_split: false, max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
         let bvh = build_bvh2_from_tris(&triangles, params, &mut Duration::default());
-        let facets: Vec<Facet> = bvh.primitive_indices.iter().map(|&i| facet(named[i as usize], &corners[named[i as usize] as usize])).collect();
+        let facets: Vec<Facet> = bvh
+            .primitive_indices
+            .iter()
+            .map(|&i| facet(named[i as usize], &corners[named[i as usize] as usize]))
+            .collect();
         let wide = widen(&bvh);
         let nodes = bvh.nodes.iter().map(node).collect::<Vec<_>>();
         let depth = depth(&nodes);

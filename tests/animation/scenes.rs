@@ -24,7 +24,8 @@ fn scene(glb: &Glb, params: Json, frame: i64) -> chiaro::Result<(Arc<Scene>, Nod
 /// Lowest and highest corner of an object.
 fn bounds(scene: &Scene, name: &str) -> [Vec3; 2] {
     let number = scene.geometry.objects.iter().position(|object| object == name).unwrap() as u32;
-    let of_object = scene.geometry.corners.iter().zip(&scene.geometry.object[..]).filter(|(_, object)| **object == number);
+    let of_object =
+        scene.geometry.corners.iter().zip(&scene.geometry.object[..]).filter(|(_, object)| **object == number);
     let corners = of_object.flat_map(|(corners, _)| corners.map(Vec3::from));
     corners.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
 }
@@ -41,9 +42,14 @@ fn nodes_lights_and_cameras_move_with_the_frame() {
         .animate("grow", FLOOR, "scale", 3, &[0.0, 1.0], &[1.0, 1.0, 1.0, 3.0, 1.0, 1.0])
         .animate("lamp", LAMP, "translation", 3, &[0.0, 1.0], &[0.0, 3.0, 0.0, 0.0, 1.0, 0.0])
         .animate("look", EYE, "rotation", 4, &[0.0, 1.0], &[[0.0, 0.0, 0.0, 1.0], turn].concat());
-    for (frame, slid, grown, down, turned) in
-        [(-3, 0.0, 1.0, 3.0, 0.0), (0, 0.0, 1.0, 3.0, 0.0), (12, 0.0, 2.0, 2.0, FRAC_PI_4), (18, 0.5, 2.5, 1.5, 0.75 * FRAC_PI_2), (24, 1.0, 3.0, 1.0, FRAC_PI_2), (99, 1.0, 3.0, 1.0, FRAC_PI_2)]
-    {
+    for (frame, slid, grown, down, turned) in [
+        (-3, 0.0, 1.0, 3.0, 0.0),
+        (0, 0.0, 1.0, 3.0, 0.0),
+        (12, 0.0, 2.0, 2.0, FRAC_PI_4),
+        (18, 0.5, 2.5, 1.5, 0.75 * FRAC_PI_2),
+        (24, 1.0, 3.0, 1.0, FRAC_PI_2),
+        (99, 1.0, 3.0, 1.0, FRAC_PI_2),
+    ] {
         let (scene, report) = scene(&glb, json!({}), frame).unwrap();
         let [low, high] = bounds(&scene, "wall");
         near(low, [slid - 2.0, 0.0, -2.0]);
@@ -86,7 +92,10 @@ fn of_animations_that_move_the_same_the_first_is_played_or_those_that_are_named(
         (bounds(&scene, "wall")[0].x + 2.0, report.notes)
     };
     let (x, notes) = place(json!({}));
-    assert_eq!((x, &notes["animations"], &notes["animations_left_out"]), (1.0, &json!(["walk", "lamp"]), &json!(["run"])));
+    assert_eq!(
+        (x, &notes["animations"], &notes["animations_left_out"]),
+        (1.0, &json!(["walk", "lamp"]), &json!(["run"]))
+    );
     let (x, notes) = place(json!({ "animations": ["r*"] }));
     assert_eq!((x, &notes["animations"], notes.get("animations_left_out")), (8.0, &json!(["run"]), None));
     let error = scene(&glb, json!({ "animations": ["runn"] }), 1).unwrap_err();
@@ -121,7 +130,8 @@ fn skins_carry_vertices_with_their_joints() {
     let mut glb = Glb::room();
     // The floor's corners 0 and 3 (x = -2) follow one joint, corner 2 the other, corner 1 both.
     let joints = glb.joints(&[[0, 1, 0, 0]; 4]);
-    let weights = glb.floats(4, &[[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]].concat());
+    let weights = glb
+        .floats(4, &[[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]].concat());
     let mut attributes = glb.json["meshes"][0]["primitives"][0].clone();
     attributes["attributes"]["JOINTS_0"] = joints.into();
     attributes["attributes"]["WEIGHTS_0"] = weights.into();
@@ -141,9 +151,14 @@ fn skins_carry_vertices_with_their_joints() {
     nodes.push(json!({ "name": "b", "translation": [2, 0, 0] }));
     glb.json["scenes"][0]["nodes"] = json!([0, 1, 2, 3, 4, 5]);
     let turn = Quat::from_rotation_z(FRAC_PI_2).to_array();
-    let glb = glb
-        .animate("lift", 5, "rotation", 4, &[0.0, 1.0], &[[0.0, 0.0, 0.0, 1.0], turn].concat())
-        .animate("slide", 4, "translation", 3, &[0.0, 1.0], &[0.0, 0.0, 0.0, -4.0, 0.0, 0.0]);
+    let glb = glb.animate("lift", 5, "rotation", 4, &[0.0, 1.0], &[[0.0, 0.0, 0.0, 1.0], turn].concat()).animate(
+        "slide",
+        4,
+        "translation",
+        3,
+        &[0.0, 1.0],
+        &[0.0, 0.0, 0.0, -4.0, 0.0, 0.0],
+    );
     let corners = |frame: i64| {
         let (scene, _) = scene(&glb, json!({}), frame).unwrap();
         let [[a, b, c], [_, _, d]] = [scene.geometry.corners[0], scene.geometry.corners[1]];
@@ -167,7 +182,9 @@ fn what_makes_no_sense_is_said() {
         error.to_string()
     };
     let zeros = [0.0; 6];
-    assert!(fault(&still(&[1.0, 0.5], &zeros)).contains("\"wall\" in animation \"a\" has key 1 at 0.5 s, after one at 1 s"));
+    assert!(
+        fault(&still(&[1.0, 0.5], &zeros)).contains("\"wall\" in animation \"a\" has key 1 at 0.5 s, after one at 1 s")
+    );
     assert!(fault(&still(&[0.0, 1.0], &zeros[..3])).contains("3 numbers for 2 keys, expected 6"));
     assert!(fault(&still(&[0.0, 1.0], &[f32::NAN; 6])).contains("not finite"));
     assert!(fault(&still(&[0.0, 1.0], &[1e30; 6])).contains("farther out"));

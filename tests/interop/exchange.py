@@ -9,6 +9,7 @@ Packages from PyPI: OpenEXR, OpenImageIO, opencolorio, bpy (Blender 5), numpy.
     exchange.py multiply EXR A B OUT             two layers of a file multiplied by OpenImageIO
     exchange.py view RAW DISPLAY VIEW OUT        raw RGB of ACES2065-1 through a view of OpenColorIO's ACES 2.0
     exchange.py render OUT                       multilayer EXR files by Blender's Cycles
+    exchange.py pose GLB CLIP OUT FRAME..        where Blender has what a glTF file moves, as JSON
     exchange.py key EXR OBJECT WIDTH HEIGHT OUT  an object keyed out of a file by Blender's Cryptomatte node
 """
 import importlib.util, json, os, sys
@@ -17,6 +18,7 @@ import importlib.util, json, os, sys
 def main(command, *arguments):
     {
         "has": has, "read": read, "write": write, "multiply": multiply, "view": view, "render": render, "key": key,
+        "pose": pose,
     }[command](*arguments)
 
 
@@ -212,6 +214,39 @@ def key(path, name, width, height, out):
     settings.file_format, settings.color_depth = "OPEN_EXR", "32"
     scene.render.filepath = out
     bpy.ops.render.render(write_still=True)
+
+
+def pose(path, clip, out, *frames):
+    """Where Blender has what a glTF file animates, in glTF axes: vertices of objects, places of lights and cameras."""
+    bpy, scene, camera = blender(8, 8)
+    bpy.data.objects.remove(camera)
+    scene.render.fps = 24
+    bpy.ops.import_scene.gltf(filepath=path)
+    for thing in bpy.data.objects:
+        data = thing.animation_data
+        strips = [strip for track in data.nla_tracks for strip in track.strips] if data else []
+        strips = [strip for strip in strips if strip.action.name.startswith(clip)]
+        if strips:
+            action, slot = strips[0].action, strips[0].action_slot
+            for track in list(data.nla_tracks):
+                data.nla_tracks.remove(track)
+            data.action, data.action_slot = action, slot
+    found = {}
+    for frame in frames:
+        scene.frame_set(int(frame))
+        graph = bpy.context.evaluated_depsgraph_get()
+        now = found[frame] = {}
+        for thing in scene.objects:
+            place = thing.evaluated_get(graph)
+            if thing.type == "MESH":
+                points = [place.matrix_world @ vertex.co for vertex in place.to_mesh().vertices]
+            elif thing.type in ("LIGHT", "CAMERA"):
+                points = [place.matrix_world.translation]
+            else:
+                continue
+            now[thing.name] = [[p.x, p.z, -p.y] for p in points]
+    with open(out, "w") as file:
+        json.dump(found, file)
 
 
 if __name__ == "__main__":

@@ -96,7 +96,8 @@ impl Glb {
         self.json["buffers"][0]["byteLength"] = self.bin.len().into();
         let views = self.json["bufferViews"].as_array_mut().unwrap();
         views.push(view);
-        let accessor = json!({ "bufferView": views.len() - 1, "componentType": component, "count": count, "type": kind });
+        let accessor =
+            json!({ "bufferView": views.len() - 1, "componentType": component, "count": count, "type": kind });
         let accessors = self.json["accessors"].as_array_mut().unwrap();
         accessors.push(accessor);
         accessors.len() - 1

@@ -109,20 +109,22 @@ impl Primitive {
             return Ok((positions, normals));
         };
         let blend = |vertex: usize| {
-            let each = self.influences.iter().flat_map(|(joints, weights)| joints[vertex].into_iter().zip(weights[vertex]));
+            let each =
+                self.influences.iter().flat_map(|(joints, weights)| joints[vertex].into_iter().zip(weights[vertex]));
             let (mut sum, mut total) = (Mat4::ZERO, 0.0);
             for (joint, weight) in each.filter(|(_, weight)| *weight != 0.0) {
                 let count = joints.len();
-                let joint = joints.get(joint as usize).ok_or_else(|| {
-                    format!("vertex {vertex} follows joint {joint} of {count}")
-                })?;
+                let joint = joints
+                    .get(joint as usize)
+                    .ok_or_else(|| format!("vertex {vertex} follows joint {joint} of {count}"))?;
                 sum += *joint * weight;
                 total += weight;
             }
             // Weights are rounded in files; a vertex without any follows the first joint.
             Ok(if total > 0.0 { sum * (1.0 / total) } else { joints.first().copied().unwrap_or(Mat4::IDENTITY) })
         };
-        let blended: Vec<Mat4> = (0..positions.len()).into_par_iter().map(blend).collect::<std::result::Result<_, String>>()?;
+        let blended: Vec<Mat4> =
+            (0..positions.len()).into_par_iter().map(blend).collect::<std::result::Result<_, String>>()?;
         for (position, world) in positions.iter_mut().zip(&blended) {
             *position = world.transform_point3((*position).into()).to_array();
         }

@@ -95,7 +95,8 @@ fn broken(path: &Path) -> impl Fn(gltf::Error) -> Error {
 
 impl Opened {
     fn new(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::file(path, e.to_string(), "check the path in the recipe"))?;
+        let bytes =
+            std::fs::read(path).map_err(|e| Error::file(path, e.to_string(), "check the path in the recipe"))?;
         // The importer skips text that it does not know; what cannot be read in full cannot be checked either.
         check_json(path, &json_part(&bytes).map_err(|what| Error::file(path, what, EXPORT_AGAIN))?)?;
         let gltf = gltf::Gltf::from_slice(&bytes).map_err(broken(path))?;

@@ -103,8 +103,10 @@ impl Motion {
             let tracks = animation.channels().map(|channel| {
                 let node = channel.target().node();
                 Track::read(&channel, buffers, motion.weights[node.index()].len()).map_err(|what| {
-                    let node = node.name().map_or_else(|| format!("node {}", node.index()), |name| format!("\"{name}\""));
-                    let found = format!("the {:?} of {node} in animation \"{name}\" {what}", channel.target().property());
+                    let node =
+                        node.name().map_or_else(|| format!("node {}", node.index()), |name| format!("\"{name}\""));
+                    let found =
+                        format!("the {:?} of {node} in animation \"{name}\" {what}", channel.target().property());
                     Error::file(path, found, "repair the animation in the program it came from, and export it again")
                 })
             });

@@ -13,13 +13,7 @@ impl Model {
     ///
     /// # Errors
     /// `File` for a vertex or an index that makes no sense, or when no triangle has an area.
-    pub fn geometry(
-        &self,
-        path: &Path,
-        pose: &Pose,
-        moves: bool,
-        census: &mut Census,
-    ) -> Result<Geometry> {
+    pub fn geometry(&self, path: &Path, pose: &Pose, moves: bool, census: &mut Census) -> Result<Geometry> {
         let mut builder = if moves { GeometryBuilder::of_moving() } else { GeometryBuilder::default() };
         for node in self.motion.nodes() {
             let Some(object) = &self.objects[node] else { continue };
@@ -43,7 +37,11 @@ impl Model {
                     material: primitive.material,
                 };
                 // Joints carry vertices to the world without the node's help.
-                let world = if primitive.is_skinned() && joints.is_some() { Mat4::IDENTITY } else { pose.world_from_node[node] };
+                let world = if primitive.is_skinned() && joints.is_some() {
+                    Mat4::IDENTITY
+                } else {
+                    pose.world_from_node[node]
+                };
                 builder.add(number, &mesh, world).map_err(damaged)?;
             }
         }

@@ -132,10 +132,9 @@ pub fn check_accessors(path: &Path, document: &gltf::Document, buffers: &[gltf::
     for mesh in document.meshes() {
         for primitive in mesh.primitives() {
             let attributes = primitive.attributes().map(|(semantic, accessor)| (Some(semantic), accessor));
-            let targets = primitive.morph_targets().flat_map(|target| [
-                (Some(Semantic::Positions), target.positions()),
-                (Some(Semantic::Normals), target.normals()),
-            ]);
+            let targets = primitive.morph_targets().flat_map(|target| {
+                [(Some(Semantic::Positions), target.positions()), (Some(Semantic::Normals), target.normals())]
+            });
             let targets = targets.filter_map(|(semantic, accessor)| Some((semantic, accessor?)));
             let indices = primitive.indices().map(|accessor| (None, accessor));
             for (semantic, accessor) in attributes.chain(indices).chain(targets) {
@@ -162,7 +161,10 @@ pub fn check_accessors(path: &Path, document: &gltf::Document, buffers: &[gltf::
                 Property::MorphTargetWeights => (NORMALISED, Dimensions::Scalar),
             };
             if !is(&times, &[DataType::F32], Dimensions::Scalar) || !is(&values, kinds, dimensions) {
-                let what = format!("animation {}, channel {index}: its times or its values are of a wrong type", animation.index());
+                let what = format!(
+                    "animation {}, channel {index}: its times or its values are of a wrong type",
+                    animation.index()
+                );
                 return Err(damaged(path, what));
             }
         }

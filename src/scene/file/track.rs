@@ -105,8 +105,12 @@ impl Track {
             Interpolation::CubicSpline => {
                 let (leaves, arrives) = (self.key(before, 2), self.key(after, 0));
                 let (t2, t3) = (t * t, t * t * t);
-                let basis =
-                    Vec4::new(2.0 * t3 - 3.0 * t2 + 1.0, length * (t3 - 2.0 * t2 + t), 3.0 * t2 - 2.0 * t3, length * (t3 - t2));
+                let basis = Vec4::new(
+                    2.0 * t3 - 3.0 * t2 + 1.0,
+                    length * (t3 - 2.0 * t2 + t),
+                    3.0 * t2 - 2.0 * t3,
+                    length * (t3 - t2),
+                );
                 let mix = |i: usize| basis.dot(Vec4::new(a[i], leaves[i], b[i], arrives[i]));
                 (0..self.width).map(mix).collect()
             }
@@ -160,9 +164,8 @@ mod tests {
 
     #[test]
     fn what_makes_no_sense_is_said() {
-        let fault = |times: &[f32], values: &[f32]| {
-            track(Property::Weights, Interpolation::Linear, times, values).unwrap_err()
-        };
+        let fault =
+            |times: &[f32], values: &[f32]| track(Property::Weights, Interpolation::Linear, times, values).unwrap_err();
         assert!(fault(&[0.0, 0.0], &[1.0, 2.0]).contains("key 1 at 0 s, after one at 0 s"));
         assert!(fault(&[0.0, 1.0], &[1.0]).contains("1 numbers for 2 keys, expected 2"));
         assert!(fault(&[0.0, 1.0], &[1.0, f32::NAN]).contains("not finite"));
