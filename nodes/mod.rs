@@ -14,6 +14,7 @@ pub mod grade;
 pub mod illumination_brush;
 pub mod indirect_shadow;
 pub mod integrate;
+pub mod keyframe_edits;
 pub mod light;
 pub mod localize_light;
 pub mod material;
@@ -76,6 +77,7 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<illumination_brush::IlluminationBrush>(),
     NodeType::of::<falloff::Falloff>(),
     NodeType::of::<indirect_shadow::IndirectShadow>(),
+    NodeType::of::<keyframe_edits::KeyframeEdits>(),
     NodeType::of::<directionality::Directionality>(),
     NodeType::of::<read_edits::ReadEdits>(),
     NodeType::of::<write_edits::WriteEdits>(),

@@ -8,6 +8,8 @@ mod glb;
 mod node;
 mod support;
 
+#[path = "animation/keyframes.rs"]
+mod keyframes;
 #[path = "animation/reuse.rs"]
 mod reuse;
 #[path = "animation/scenes.rs"]

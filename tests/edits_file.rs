@@ -172,7 +172,7 @@ fn other_files_and_newer_versions_are_told_apart() {
     let mut text_mode = ROOM.bytes.clone();
     text_mode.remove(6);
     for (bytes, words, help) in [
-        (&newer[..], "version 2 of sampled edits; this program reads version 1", "newer chiaro"),
+        (&newer[..], "version 3 of sampled edits; this program reads version 2", "newer chiaro"),
         (&text_mode, "no file of sampled edits", "read_edits"),
         (b"\x89PNG\r\n\x1a\n and so on and on", "no file of sampled edits", "read_image"),
         (b"", "0 bytes are too few", "write_edits"),

@@ -8,8 +8,8 @@
 use crate::device::Array;
 use crate::scene::bvh::Ray;
 use crate::scene::{Geometry, SurfacePoint};
-use crate::transport::cluster;
-use crate::transport::sampling;
+use crate::transport::feature::feature;
+use crate::transport::{cluster, sampling};
 use crate::{Error, Result};
 use glam::{Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -150,28 +150,16 @@ fn scatter(geometry: &Geometry, live: &Live, areas: &[f32], count: usize, total:
     addresses
 }
 
-/// Position (from `centre`) and normal in one space: turning by 90 degrees is as far as six sample distances.
-fn feature(point: &SurfacePoint, centre: Vec3, normal_scale: f32) -> [f32; 6] {
-    let p = Vec3::from(point.position) - centre;
-    let n = Vec3::from(point.geometric_normal) * normal_scale;
-    mixed([p.x, p.y, p.z, n.x, n.y, n.z])
-}
-
-/// The axes mixed by a conference matrix of order 6 (Belevitch 1950): all distances grow by sqrt(5), so that neighbours
-/// stay neighbours. On flat surfaces four axes of a feature are constant, which a k-d tree splits along in vain; mixed,
-/// every axis tells points of a plane apart, in directions that differ.
-fn mixed(f: [f32; 6]) -> [f32; 6] {
-    let [a, b, c, d, e, f] = f;
-    [b + c + d + e + f, a + c - d - e + f, a + b + d - e - f, a - b + c + e - f, a - b - c + d + f, a + b - c - d + e]
-}
-
 /// Cuts each live triangle side into k² equal small triangles, about eight to a sample, and finds the nearest sample of
 /// each, of the same object and material if it can be, that no surface hides; a ray's hit then costs one look-up.
 fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -> (Vec<[u32; 4]>, Vec<u32>) {
     let normal_scale = 4.0 * area.sqrt();
     let (low, high) = geometry.bounds();
     let centre = 0.5 * (low + high);
-    let features: Vec<[f32; 6]> = points.iter().map(|point| feature(point, centre, normal_scale)).collect();
+    let features: Vec<[f32; 6]> = points
+        .iter()
+        .map(|point| feature(point.position.into(), point.geometric_normal.into(), centre, normal_scale))
+        .collect();
     let tree: ImmutableKdTree<f32, 6> = ImmutableKdTree::new_from_slice(&features);
     let mut sides = vec![[DEAD, DEAD, 1, 0]; geometry.corners.len()];
     let mut jobs = Vec::new();
@@ -197,7 +185,7 @@ fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -
     };
     let nearest = |triangle: usize, front: bool, u: f32, v: f32| {
         let at = geometry.surface_point(triangle, u, v, front);
-        let query = feature(&at, centre, normal_scale);
+        let query = feature(at.position.into(), at.geometric_normal.into(), centre, normal_scale);
         let first = tree.nearest_one::<SquaredEuclidean>(&query).item as u32;
         let good = |i: u32| cluster::same_stuff(&at, &points[i as usize]) && !apart(&at, &points[i as usize]);
         if good(first) {
@@ -248,15 +236,6 @@ mod tests {
             for (index, (u, v)) in all.into_iter().enumerate() {
                 assert_eq!(cell_index(u, v, k), index as u32, "k {k}, ({u}, {v})");
             }
-        }
-    }
-
-    #[test]
-    fn mixing_axes_keeps_the_order_of_distances() {
-        let squared = |f: [f32; 6]| f.iter().map(|x| x * x).sum::<f32>();
-        for i in 0..100 {
-            let f = std::array::from_fn(|axis| 2.0 * sampling::unit(sampling::hash(6 * i + axis as u32)) - 1.0);
-            assert!((squared(mixed(f)) - 5.0 * squared(f)).abs() < 1e-5 * squared(f), "{f:?}");
         }
     }
 

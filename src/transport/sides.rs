@@ -56,6 +56,10 @@ pub fn live_sides(geometry: &Geometry, seen: &[SurfacePoint]) -> Live {
             }
         }
     }
+    // What sees nothing sends light to nothing; whether it is in the picture must not matter.
+    if (0..live.len()).any(|side| live[side] && !edges[side].is_empty()) {
+        live.iter_mut().zip(&edges).for_each(|(live, edges)| *live &= !edges.is_empty());
+    }
     part.iter().map(|&p| u8::from(live[2 * p as usize]) | u8::from(live[2 * p as usize + 1]) << 1).collect()
 }
 

@@ -16,7 +16,7 @@ pub fn untouched(geometry: &Geometry, transfer: &Transfer) -> Parts {
     let none = rows(transfer.gather.count(), 0, || (), |_, (), _| Ok(())).unwrap();
     Parts {
         origin: Origin::of(geometry, transfer),
-        view: ViewPlaces::of(&transfer.samples),
+        view: ViewPlaces::of(geometry, &transfer.samples),
         gather: GatherPlaces::of(transfer),
         source: Vectors::default(),
         eye: Vectors::default(),

@@ -1,13 +1,13 @@
 //! The file of sampled edits, for other programs too; what the numbers in it mean stands in the module above.
 //!
-//! # Layout, version 1
+//! # Layout, version 2
 //!
 //! All numbers are little-endian; `f32` is IEEE 754 binary32.
 //!
 //! | bytes | what |
 //! |---|---|
 //! | 0..8 | `89 65 64 69 74 73 0d 0a` (`\x89edits\r\n`) |
-//! | 8..12 | u32: version, 1 |
+//! | 8..12 | u32: version, 2 |
 //! | 12..16 | u32: bytes of the header, H |
 //! | 16..20 | u32: CRC-32 (that of zlib and PNG) of bytes 0..16 followed by the header |
 //! | 20..20 + H | the header: JSON, UTF-8 |
@@ -26,7 +26,9 @@
 //!
 //! | name | type, shape | what |
 //! |---|---|---|
-//! | `view.position` | f32 N, 3 | view samples, m, world: +Y up, right-handed; row-major by pixel from the upper left, samples of a pixel together; zero where nothing is seen |
+//! | `view.side` | u32 N | view samples, row-major by pixel from the upper left, samples of a pixel together: twice the triangle's number as the scene file lists them, and one more on its back; 4294967295 where nothing is seen |
+//! | `view.barycentrics` | f32 N, 2 | weights of the triangle's second and third corner |
+//! | `view.position` | f32 N, 3 | m, world: +Y up, right-handed; zero where nothing is seen |
 //! | `view.normal` | f32 N, 3 | unit shading normal; zero where nothing is seen |
 //! | `gather.triangle` | u32 M | triangle of each gather sample, as the scene file lists them |
 //! | `gather.barycentrics` | f32 M, 2 | weights of its second and third corner |
@@ -64,7 +66,7 @@ use std::io::Write;
 use std::path::Path;
 
 pub(super) const MAGIC: [u8; 8] = *b"\x89edits\r\n";
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 /// Bytes before the header.
 pub(super) const PREFIX: usize = 20;
 
@@ -143,6 +145,8 @@ impl<'a> Sections<'a> {
 /// `Output`.
 pub fn write(path: &Path, sampled: &Sampled) -> Result<u64> {
     let mut sections = Sections::default();
+    sections.put("view.side", Type::U32, &sampled.view.side);
+    sections.put("view.barycentrics", Type::F32, &sampled.view.barycentrics);
     sections.put("view.position", Type::F32, &sampled.view.position);
     sections.put("view.normal", Type::F32, &sampled.view.normal);
     sections.put("gather.triangle", Type::U32, &sampled.gather.triangle);

@@ -43,17 +43,23 @@ pub use origin::Origin;
 pub use read::read;
 
 use crate::device::Array;
-use crate::transport::SparseRows;
 use crate::transport::selection::Digest;
+use crate::transport::{Edit, Edits, SparseRows};
 use crate::{Error, Result};
 use rayon::prelude::*;
 
+/// Among sides: none.
+pub const NOWHERE: u32 = u32::MAX;
 /// In a slot: no row.
 pub const UNTOUCHED: u32 = crate::kernels::scaled_product::UNSCALED;
 
 /// View samples, N in the order of `Samples`; zero where there is no surface.
 #[derive(Clone, Debug, Default)]
 pub struct ViewPlaces {
+    /// Side of a triangle: twice the index among the scene's triangles, and one more on its back; `NOWHERE` for none.
+    pub side: Array<u32>,
+    /// Weights of the triangle's second and third corner.
+    pub barycentrics: Array<[f32; 2]>,
     /// Metres, world.
     pub position: Array<[f32; 3]>,
     /// Unit shading normal.
@@ -153,7 +159,7 @@ impl Sampled {
         let vector = |vector: &Option<Array<[f32; 4]>>| vector.as_ref().map_or(0, |vector| 16 * vector.len() as u64);
         let vectors = |vectors: &Vectors| vector(&vectors.scale) + vector(&vectors.offset);
         [
-            ("places", 24 * self.view.position.len() as u64 + 36 * self.gather.triangle.len() as u64),
+            ("places", 36 * self.view.position.len() as u64 + 36 * self.gather.triangle.len() as u64),
             ("vectors", vectors(&self.source) + vectors(&self.eye)),
             ("slots", 36 * self.touched.len() as u64),
             ("rows", self.scales.bytes() + self.offsets.as_ref().map_or(0, SparseRows::bytes)),
@@ -163,6 +169,23 @@ impl Sampled {
     pub fn bytes(&self) -> u64 {
         self.bytes_by_part().iter().map(|(_, bytes)| bytes).sum()
     }
+}
+
+/// The one sampled edit of a list that holds nothing else.
+///
+/// # Errors
+/// `Compute`: what the list holds instead.
+pub fn only(edits: &Edits) -> Result<&Sampled> {
+    let found = match &edits.0[..] {
+        [Edit::Sampled(sampled)] => return Ok(sampled),
+        [] => "no edit at all".to_owned(),
+        list => {
+            let sampled = edits.sampled().count();
+            format!("{} edits, {sampled} of them sampled", list.len())
+        }
+    };
+    let help = "put scale_offset before it: that makes one sampled edit of any list that changes something";
+    Err(Error::compute(format!("one sampled edit is asked for, the list holds {found}"), help))
 }
 
 impl Parts {
@@ -177,7 +200,9 @@ impl Parts {
             length(what, vector.len(), expected).or_else(|| finite(what, vector))
         };
         let lengths = || {
-            length("view.position", self.view.position.len(), view)
+            length("view.side", self.view.side.len(), view)
+                .or_else(|| length("view.barycentrics", self.view.barycentrics.len(), view))
+                .or_else(|| length("view.position", self.view.position.len(), view))
                 .or_else(|| length("view.normal", self.view.normal.len(), view))
                 .or_else(|| length("gather.triangle", self.gather.triangle.len(), gather))
                 .or_else(|| length("gather.barycentrics", self.gather.barycentrics.len(), gather))
@@ -187,7 +212,8 @@ impl Parts {
                 .or_else(|| length("weights", self.weights.len(), self.touched.len()))
         };
         let numbers = || {
-            finite("view.position", &self.view.position)
+            finite("view.barycentrics", &self.view.barycentrics)
+                .or_else(|| finite("view.position", &self.view.position))
                 .or_else(|| finite("view.normal", &self.view.normal))
                 .or_else(|| finite("gather.barycentrics", &self.gather.barycentrics))
                 .or_else(|| finite("gather.position", &self.gather.position))
@@ -215,6 +241,10 @@ impl Parts {
             let triangle = self.gather.triangle[at];
             return Some(format!("gather sample {at} is on triangle {triangle} of {triangles}"));
         }
+        let on_scene = |side: &u32| *side == NOWHERE || ((*side / 2) as usize) < triangles;
+        if let Some(at) = self.view.side.iter().position(|side| !on_scene(side)) {
+            return Some(format!("view sample {at} is on side {} of {triangles} triangles", self.view.side[at]));
+        }
         if let Some(at) = self.touched.windows(2).position(|pair| pair[0] >= pair[1]) {
             return Some(format!("touched: view sample {} follows {}", self.touched[at + 1], self.touched[at]));
         }
@@ -232,6 +262,8 @@ impl Parts {
         let mut part = |bytes: &[u8]| {
             hasher.update(&(bytes.len() as u64).to_le_bytes()).update_rayon(bytes);
         };
+        part(bytemuck::cast_slice(&self.view.side));
+        part(bytemuck::cast_slice(&self.view.barycentrics));
         part(bytemuck::cast_slice(&self.view.position));
         part(bytemuck::cast_slice(&self.view.normal));
         part(bytemuck::cast_slice(&self.gather.triangle));

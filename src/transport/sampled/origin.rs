@@ -1,7 +1,7 @@
 //! What edits were sampled for, and what is different about something else.
 
-use super::{GatherPlaces, Sampled, ViewPlaces};
-use crate::scene::{Camera, Geometry};
+use super::{GatherPlaces, NOWHERE, Sampled, ViewPlaces};
+use crate::scene::{Camera, Geometry, SurfacePoint};
 use crate::transport::selection::Digest;
 use crate::transport::{Samples, Transfer};
 use crate::{Error, Result};
@@ -151,13 +151,24 @@ impl Sampled {
 }
 
 impl ViewPlaces {
-    pub fn of(samples: &Samples) -> Self {
+    pub fn of(geometry: &Geometry, samples: &Samples) -> Self {
         let points = &samples.points;
         Self {
+            side: points.par_iter().map(|point| side(geometry, point)).collect::<Vec<_>>().into(),
+            barycentrics: samples.barycentrics.clone(),
             position: points.par_iter().map(|point| point.position).collect::<Vec<_>>().into(),
             normal: points.par_iter().map(|point| point.normal).collect::<Vec<_>>().into(),
         }
     }
+}
+
+/// As `ViewPlaces::side` numbers them.
+pub fn side(geometry: &Geometry, point: &SurfacePoint) -> u32 {
+    if !point.exists() {
+        return NOWHERE;
+    }
+    let is_front = geometry.area_vector(point.triangle as usize).dot(point.geometric_normal.into()) >= 0.0;
+    2 * point.triangle + u32::from(!is_front)
 }
 
 impl GatherPlaces {

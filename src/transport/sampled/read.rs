@@ -161,6 +161,8 @@ impl Reader<'_> {
         }
         let index_bits = origin.gather_samples.ilog2();
         let view = ViewPlaces {
+            side: self.take("view.side", Type::U32)?,
+            barycentrics: self.take("view.barycentrics", Type::F32)?,
             position: self.take("view.position", Type::F32)?,
             normal: self.take("view.normal", Type::F32)?,
         };

@@ -76,10 +76,10 @@ pub fn sample(light: &SceneLight, edits: &Edits, settings: Settings) -> Result<(
     let key = Key::of(&[b"places", &stage.place.0]);
     let places = stage.memo.remember(
         key,
-        |_| 60 * stage.transfer.samples.points.len() as u64,
+        |_| 72 * stage.transfer.samples.points.len() as u64,
         || {
             let origin = Origin::of(stage.geometry, stage.transfer);
-            Ok((origin, ViewPlaces::of(&stage.transfer.samples), GatherPlaces::of(stage.transfer)))
+            Ok((origin, ViewPlaces::of(stage.geometry, &stage.transfer.samples), GatherPlaces::of(stage.transfer)))
         },
     )?;
     let (origin, view, gather) = (*places).clone();
