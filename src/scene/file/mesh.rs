@@ -16,9 +16,11 @@ pub(super) struct Primitive {
     pub indices: Vec<u32>,
     pub material: u32,
     targets: Vec<Target>,
-    /// Sets of four joints a vertex, with what each counts.
-    influences: Vec<(Vec<[u16; 4]>, Vec<[f32; 4]>)>,
+    influences: Vec<Influence>,
 }
+
+/// Four joints of each vertex, and their weights.
+type Influence = (Vec<[u16; 4]>, Vec<[f32; 4]>);
 
 /// What a morph target adds at its weight of 1.
 #[derive(Clone, Debug, Default)]
