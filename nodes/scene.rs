@@ -80,7 +80,13 @@ impl Node for Scene {
         let Some(motion) = &*motion else { return Ok([Key::of(&[b"always"]); 4]) };
         let playing = motion.play(&self.animations)?;
         let time = self.time(&playing, when.frame);
-        Ok(motion.moments(&motion.pose(&playing, time, 1.0)))
+        let moments = motion.moments(&motion.pose(&playing, time, 1.0));
+        Ok(Facet::ALL.map(|facet| match facet {
+            Facet::Geometry => moments.surfaces,
+            Facet::Materials => Key::of(&[b"always"]),
+            Facet::Lights => moments.lights,
+            Facet::Cameras => moments.cameras,
+        }))
     }
 
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {

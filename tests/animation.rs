@@ -14,6 +14,8 @@ mod keyframes;
 mod reuse;
 #[path = "animation/scenes.rs"]
 mod scenes;
+#[path = "animation/stability.rs"]
+mod stability;
 #[path = "animation/surfaces.rs"]
 mod surfaces;
 

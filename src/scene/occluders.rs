@@ -39,7 +39,7 @@ pub struct Block {
 /// Triangles of a subset of a geometry's objects.
 #[derive(Clone, Debug, Default)]
 pub struct Occluders {
-    /// For rays, and for the GPU. Its triangles count within the subset.
+    /// For rays, and for the GPU.
     pub bvh: Bvh,
     /// The sorted corners of each triangle, in the order of `bvh.facets`.
     pub corners: Array<[[f32; 3]; 3]>,
@@ -55,20 +55,16 @@ pub struct Occluders {
 impl Occluders {
     /// The triangles of the objects whose number `casts` holds for.
     pub fn new(geometry: &Geometry, casts: impl Fn(u32) -> bool) -> Self {
-        let corners: Vec<[[f32; 3]; 3]> = geometry
-            .corners
-            .iter()
-            .zip(&geometry.object)
-            .filter(|(_, object)| casts(**object))
-            .map(|(corners, _)| *corners)
+        let chosen: Vec<u32> = (0..geometry.corners.len() as u32)
+            .filter(|i| casts(geometry.object[*i as usize]) && !geometry.is_flat(*i as usize))
             .collect();
-        let bvh = match corners.len() {
+        let bvh = match chosen.len() {
             0 => Bvh::default(),
-            all if all == geometry.corners.len() => geometry.bvh.clone(),
-            _ => Bvh::build(&corners, &(0..corners.len() as u32).collect::<Vec<_>>()),
+            all if all == geometry.bvh.facets.len() => geometry.bvh.clone(),
+            _ => Bvh::build(&geometry.corners, &chosen),
         };
         let corners: Vec<[[f32; 3]; 3]> =
-            bvh.facets.iter().map(|facet| sorted(corners[facet.triangle as usize])).collect();
+            bvh.facets.iter().map(|facet| sorted(geometry.corners[facet.triangle as usize])).collect();
         let mut occluders = Self { bvh, corners: corners.into(), lift: geometry.lift(), ..Self::default() };
         occluders.widen();
         occluders

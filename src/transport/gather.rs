@@ -8,8 +8,9 @@
 use crate::device::Array;
 use crate::scene::bvh::Ray;
 use crate::scene::{Geometry, SurfacePoint};
+use crate::transport::cluster;
 use crate::transport::feature::feature;
-use crate::transport::{cluster, sampling};
+use crate::transport::sampling;
 use crate::{Error, Result};
 use glam::{Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};

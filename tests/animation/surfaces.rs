@@ -36,9 +36,8 @@ fn gather_samples_keep_their_addresses_and_move_with_their_surfaces() {
             let is_wall = now.object == 1;
             moved += usize::from(is_wall && way > 0.0);
             let expected = if is_wall { [3.0 * way, 0.0, -way] } else { [0.0; 3] };
-            for axis in 0..3 {
-                assert!((now.position[axis] - then.position[axis] - expected[axis]).abs() < 1e-5);
-            }
+            let apart = glam::Vec3::from(now.position) - glam::Vec3::from(then.position);
+            assert!(apart.distance(expected.into()) < 1e-5);
         }
     }
     assert!(moved > 100, "{moved}");

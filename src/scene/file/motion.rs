@@ -1,8 +1,8 @@
 //! The nodes of a glTF file as a tree, the animations that move them, and where everything is at a time.
 
 use super::track::{Property, Track};
+use crate::memo::Key;
 use crate::names::chosen;
-use crate::node::{Facet, Key};
 use crate::{Error, Result};
 use glam::{Mat4, Quat, Vec3};
 use gltf::scene::Transform;
@@ -63,6 +63,14 @@ pub struct Pose {
     pub world_from_node: Vec<Mat4>,
     /// By node, of the morph targets of its mesh.
     pub weights: Vec<Vec<f32>>,
+}
+
+/// Equal keys, equal places.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moments {
+    pub surfaces: Key,
+    pub lights: Key,
+    pub cameras: Key,
 }
 
 impl Motion {
@@ -205,8 +213,8 @@ impl Motion {
         })
     }
 
-    /// Names where all of each facet is.
-    pub fn moments(&self, pose: &Pose) -> [Key; 4] {
+    /// Names where all surfaces, lights and cameras are.
+    pub fn moments(&self, pose: &Pose) -> Moments {
         let of = |wanted: &dyn Fn(&Carries) -> bool, deforms: bool| {
             let mut hasher = blake3::Hasher::new();
             let mut place = |node: usize| {
@@ -223,12 +231,11 @@ impl Motion {
             }
             Key::of(&[hasher.finalize().as_bytes()])
         };
-        Facet::ALL.map(|facet| match facet {
-            Facet::Geometry => of(&|carries| carries.mesh, true),
-            Facet::Materials => Key::of(&[b"always"]),
-            Facet::Lights => of(&|carries| carries.light, false),
-            Facet::Cameras => of(&|carries| carries.camera, false),
-        })
+        Moments {
+            surfaces: of(&|carries| carries.mesh, true),
+            lights: of(&|carries| carries.light, false),
+            cameras: of(&|carries| carries.camera, false),
+        }
     }
 
     pub fn bytes(&self) -> u64 {
