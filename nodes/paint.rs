@@ -5,10 +5,11 @@ use crate::kernels::surroundings;
 use crate::node::{Facet, Info, Inputs, Job, Key, Node, Port};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::Selection;
-use crate::transport::selection::Stroke;
+use crate::transport::selection::{Grounds, Stroke};
 use crate::value::{Kind, Value};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Paint lies on surfaces: it does not get through walls, nor onto surfaces that are turned away.
@@ -18,7 +19,7 @@ pub struct Paint {
     /// Laid over each other in order; none: an empty selection. Of each: `points` on surfaces (world, m) that it runs
     /// through, `normals` there (none: the front of the nearest surface), `radius` (m; with `adaptive` a factor of the
     /// harmonic mean distance to what surrounds each point), `hardness` (0.5: the part of the radius in full), `value` (1:
-    /// opacity), `mode` (add or erase).
+    /// opacity), `mode` (add or erase), `attached` (`object`, `frame`: the stroke was painted on it then, and follows it).
     pub strokes: Vec<Stroke>,
 }
 
@@ -35,17 +36,35 @@ impl Node for Paint {
         ..Info::NEW
     };
 
+    fn frames(&self, _: &str, frame: i64) -> Vec<i64> {
+        [frame].into_iter().chain(self.painted_at()).collect()
+    }
+
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
-        let geometry = inputs.geometry("scene")?;
-        let place = inputs.key("scene", Facet::Geometry).expect("the scene is connected");
-        let around = |points: &[SurfacePoint]| remembered(job, place, &geometry, points);
-        let (selection, laid) = Selection::painted(geometry.clone(), &self.strokes, around)?;
+        let inputs_now = inputs;
+        let at = self.painted_at().map(|frame| Ok((frame, inputs.at(frame).geometry("scene")?)));
+        let grounds = Grounds { now: inputs.geometry("scene")?, at: at.collect::<Result<_>>()? };
+        let around = |frame: Option<i64>, points: &[SurfacePoint]| {
+            let inputs = frame.map(|frame| inputs.at(frame));
+            let inputs = inputs.as_ref().unwrap_or(inputs_now);
+            let place = inputs.key("scene", Facet::Geometry).expect("the scene is connected");
+            remembered(job, place, &*inputs.geometry("scene")?, points)
+        };
+        let (selection, laid) = Selection::painted(&grounds, &self.strokes, around)?;
         laid.warnings.iter().for_each(|warning| job.warn(warning));
         job.note("strokes", self.strokes.len());
         job.note("points", laid.points);
         job.note("points_off_surfaces", laid.off);
         job.note("gaps", laid.gaps);
         Ok(vec![Value::Selection(Arc::new(selection))])
+    }
+}
+
+impl Paint {
+    /// Frames that attached strokes were painted at, each once.
+    fn painted_at(&self) -> impl Iterator<Item = i64> {
+        let frames = self.strokes.iter().filter_map(|stroke| Some(stroke.attached.as_ref()?.frame));
+        frames.collect::<BTreeSet<i64>>().into_iter()
     }
 }
 

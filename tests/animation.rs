@@ -16,6 +16,8 @@ mod reuse;
 mod scenes;
 #[path = "animation/stability.rs"]
 mod stability;
+#[path = "animation/strokes.rs"]
+mod strokes;
 #[path = "animation/surfaces.rs"]
 mod surfaces;
 

@@ -10,7 +10,7 @@ use chiaro::kernels::surroundings;
 use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Geometry, SurfacePoint, builtin};
 use chiaro::transport::sampling::{self, hash, unit};
-use chiaro::transport::selection::{Laid, Mode, Stroke, StrokeMode};
+use chiaro::transport::selection::{Grounds, Laid, Mode, Stroke, StrokeMode};
 use chiaro::transport::{Samples, Selection};
 use glam::{Mat4, Vec3};
 use serde_json::json;
@@ -78,11 +78,14 @@ fn dab(at: [f32; 3], radius: f32) -> Stroke {
         value: 1.0,
         mode: StrokeMode::Add,
         adaptive: false,
+        attached: None,
     }
 }
 
 fn try_paint(geometry: &Arc<Geometry>, strokes: &[Stroke]) -> chiaro::Result<(Selection, Laid)> {
-    Selection::painted(geometry.clone(), strokes, |points| surroundings(&Device::Cpu, geometry, points, 256))
+    Selection::painted(&Grounds::still(geometry.clone()), strokes, |_, points| {
+        surroundings(&Device::Cpu, geometry, points, 256)
+    })
 }
 
 fn paint(geometry: &Arc<Geometry>, strokes: &[Stroke]) -> Arc<Selection> {

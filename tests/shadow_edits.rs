@@ -9,6 +9,7 @@ use chiaro::progress::Progress;
 use chiaro::scene::cube::{self, FACES};
 use chiaro::scene::{Scene, builtin};
 use chiaro::transport::Selection;
+use chiaro::transport::selection::Grounds;
 use chiaro::transport::shadow::visibility::Scratch;
 use chiaro::transport::shadow::{Basis, Lamp, ShadowChange, ShadowEdit, Visibility, edited};
 use glam::{DVec3, Quat, Vec3};
@@ -143,7 +144,8 @@ fn painted(view: &View) -> Option<Arc<Selection>> {
     let stroke = serde_json::json!({ "points": points, "radius": 0.7, "hardness": 0.4 });
     let stroke = serde_json::from_value(stroke).unwrap();
     let (selection, _) =
-        Selection::painted(view.geometry.clone(), &[stroke], |_| unreachable!("not adaptive")).unwrap();
+        Selection::painted(&Grounds::still(view.geometry.clone()), &[stroke], |_, _| unreachable!("not adaptive"))
+            .unwrap();
     Some(Arc::new(selection))
 }
 

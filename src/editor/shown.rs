@@ -175,7 +175,7 @@ mod tests {
     use super::*;
     use crate::device::Device;
     use crate::scene::{Camera, builtin};
-    use crate::transport::selection::{Stroke, StrokeMode};
+    use crate::transport::selection::{Grounds, Stroke, StrokeMode};
 
     /// Whatever was shown before: another stroke, or another view of as many pixels.
     #[test]
@@ -189,8 +189,21 @@ mod tests {
         let painted = |points: usize| {
             let points = (0..points).map(|i| [0.1 * i as f32 - 0.3, 0.0, 0.0]).collect();
             let (normals, mode) = (Vec::new(), StrokeMode::Add);
-            let stroke = Stroke { points, normals, radius: 0.2, hardness: 0.5, value: 1.0, mode, adaptive: false };
-            Arc::new(Selection::painted(geometry.clone(), &[stroke], |_| unreachable!("it is not")).unwrap().0)
+            let stroke = Stroke {
+                points,
+                normals,
+                radius: 0.2,
+                hardness: 0.5,
+                value: 1.0,
+                mode,
+                adaptive: false,
+                attached: None,
+            };
+            Arc::new(
+                Selection::painted(&Grounds::still(geometry.clone()), &[stroke], |_, _| unreachable!("it is not"))
+                    .unwrap()
+                    .0,
+            )
         };
         let mut last = LastMask::default();
         for (samples, points) in [(&left, 1), (&left, 2), (&right, 2), (&right, 4), (&left, 3)] {

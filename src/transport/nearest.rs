@@ -21,13 +21,19 @@ pub struct Nearest {
 /// in a corner is on the floor or on the wall). Without: on the front of the surface, unless the point lies clearly
 /// behind it.
 pub fn nearest(geometry: &Geometry, at: Vec3, normal: Option<Vec3>) -> Nearest {
+    nearest_among(geometry, at, normal, None).expect("a geometry has triangles")
+}
+
+/// As `nearest`, on one object; `None` when it has no surface.
+pub fn nearest_among(geometry: &Geometry, at: Vec3, normal: Option<Vec3>, object: Option<u32>) -> Option<Nearest> {
     // Positions in recipes are rounded.
     let slack = 1e3 * geometry.lift();
-    let any = search(geometry, at, |_| true).expect("a geometry has triangles");
+    let of_object = |facet: &Facet| object.is_none_or(|object| geometry.object[facet.triangle as usize] == object);
+    let any = search(geometry, at, of_object)?;
     let (found, front) = match normal {
         Some(normal) => {
             let turned = |area_vector: Vec3| area_vector.dot(normal).abs() > MEANT * area_vector.length();
-            let meant = search(geometry, at, |facet| turned(area_vector(facet)));
+            let meant = search(geometry, at, |facet| of_object(facet) && turned(area_vector(facet)));
             let found = meant.filter(|meant| meant.distance <= any.distance + slack).unwrap_or(any);
             (found, geometry.area_vector(found.triangle).dot(normal) >= 0.0)
         }
@@ -38,7 +44,7 @@ pub fn nearest(geometry: &Geometry, at: Vec3, normal: Option<Vec3>) -> Nearest {
         }
     };
     let point = geometry.surface_point(found.triangle, found.u, found.v, front);
-    Nearest { point, barycentrics: [found.u, found.v], distance: found.distance }
+    Some(Nearest { point, barycentrics: [found.u, found.v], distance: found.distance })
 }
 
 #[derive(Clone, Copy)]

@@ -9,6 +9,7 @@ use chiaro::image::{Content, Layer, compare};
 use chiaro::progress::Progress;
 use chiaro::scene::{builtin, file};
 use chiaro::transport::Selection;
+use chiaro::transport::selection::Grounds;
 use chiaro::transport::shadow::localize::{Settings, localize};
 use chiaro::transport::shadow::ratio::quotient;
 use chiaro::transport::shadow::{Basis, Lamp, Ratio, ShadowChange, ShadowEdit, Visibility};
@@ -65,7 +66,8 @@ fn the_heads_shadow_goes_by_its_group_and_by_painting_on_it() {
     assert!(by_group < 0.015, "{by_group}");
 
     let stroke = serde_json::from_value(serde_json::json!({ "points": DAB, "radius": 0.12 })).unwrap();
-    let (painted, _) = Selection::painted(view.geometry.clone(), &[stroke], |_| unreachable!()).unwrap();
+    let (painted, _) =
+        Selection::painted(&Grounds::still(view.geometry.clone()), &[stroke], |_, _| unreachable!()).unwrap();
     let weights = painted.weights(&view.samples.points);
     let blocked = baked.blocked(&weights).unwrap();
     let (mut edited, mut before) = (baked, f64::INFINITY);

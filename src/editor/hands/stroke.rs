@@ -86,7 +86,8 @@ pub fn extend(document: &mut Document, paint: &str, point: Vec3, normal: Vec3, r
 pub fn dab(point: Vec3, normal: Vec3, radius: f32, hardness: f32, value: f32, erase: bool, adaptive: bool) -> Stroke {
     let mode = if erase { StrokeMode::Erase } else { StrokeMode::Add };
     let short = |v: Vec3| v.to_array().map(|x| rounded(x) as f32);
-    Stroke { points: vec![short(point)], normals: vec![short(normal)], radius, hardness, value, mode, adaptive }
+    let (points, normals) = (vec![short(point)], vec![short(normal)]);
+    Stroke { points, normals, radius, hardness, value, mode, adaptive, attached: None }
 }
 
 fn vector(json: &Json) -> Option<Vec3> {

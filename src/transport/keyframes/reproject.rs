@@ -183,7 +183,7 @@ fn barycentric(at: Vec3, normal: Vec3, [a, b, c]: [Vec3; 3]) -> [f32; 3] {
         let (s, t) = ((p.dot(u) * vv - p.dot(v) * uv) / determinant, (p.dot(v) * uu - p.dot(u) * uv) / determinant);
         [1.0 - s - t, s, t].map(|weight| weight.max(0.0))
     } else {
-        let longest = uu.max(vv).max(f32::MIN_POSITIVE);
+        let longest = uu.max(vv).max(1e-20);
         [a, b, c].map(|corner| 1.0 / (flat(at - corner).length_squared() + 1e-4 * longest))
     };
     let sum: f32 = weights.iter().sum();

@@ -16,7 +16,7 @@ pub use combine::{Combined, Mode};
 pub use matte::Matte;
 pub use names::Names;
 pub use paint::Painted;
-pub use stroke::{Laid, Stroke, StrokeMode};
+pub use stroke::{Attached, Grounds, Laid, Stroke, StrokeMode};
 pub use weighed::Weighed;
 
 use super::Samples;
@@ -55,11 +55,11 @@ impl Selection {
 
     /// Where the strokes run; see `Painted::new`.
     pub fn painted(
-        geometry: Arc<Geometry>,
+        grounds: &Grounds,
         strokes: &[Stroke],
-        surroundings: impl FnMut(&[SurfacePoint]) -> Result<Vec<f32>>,
+        surroundings: impl FnMut(Option<i64>, &[SurfacePoint]) -> Result<Vec<f32>>,
     ) -> Result<(Self, Laid)> {
-        let (painted, laid) = Painted::new(geometry, strokes, surroundings)?;
+        let (painted, laid) = Painted::new(grounds, strokes, surroundings)?;
         Ok((Self::Painted(painted), laid))
     }
 

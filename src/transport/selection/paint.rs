@@ -12,7 +12,7 @@
 //! within the radius, the weight is 0. The largest weight of a stroke's capsules is the stroke's; strokes are laid over each other in order.
 
 use super::bounds::Bounds;
-use super::stroke::{self, Laid, Stroke, StrokeMode};
+use super::stroke::{self, Grounds, Laid, Stroke, StrokeMode};
 use super::way::Way;
 use super::{Digest, finish};
 use crate::Result;
@@ -40,8 +40,8 @@ pub(super) struct Line {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Segment {
-    a: Knot,
-    b: Knot,
+    pub a: Knot,
+    pub b: Knot,
     bounds: Bounds,
 }
 
@@ -77,15 +77,17 @@ impl PartialEq for Painted {
 
 impl Painted {
     /// Lays strokes on surfaces. `surroundings` gives the harmonic mean distances from points to the geometry, metres
-    /// (`kernels::surroundings`); it is asked once, and only when a stroke is adaptive.
+    /// (`kernels::surroundings`); it is asked once for each ground that adaptive strokes lie on.
     ///
-    /// Errors: numbers out of range (stroke and field are named); a stroke without a point near a surface.
+    /// Errors: numbers out of range (stroke and field are named); a stroke without a point near a surface, or that follows
+    /// what is not there.
     pub(super) fn new(
-        geometry: Arc<Geometry>,
+        grounds: &Grounds,
         strokes: &[Stroke],
-        surroundings: impl FnMut(&[SurfacePoint]) -> Result<Vec<f32>>,
+        surroundings: impl FnMut(Option<i64>, &[SurfacePoint]) -> Result<Vec<f32>>,
     ) -> Result<(Self, Laid)> {
-        let (lines, laid) = stroke::lay(&geometry, strokes, surroundings)?;
+        let (lines, laid) = stroke::lay(grounds, strokes, surroundings)?;
+        let geometry = grounds.now.clone();
         let mut hasher = blake3::Hasher::new();
         hasher.update(b"paint").update(&geometry.fingerprint);
         lines.iter().for_each(|line| line.hash(&mut hasher));

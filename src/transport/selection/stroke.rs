@@ -1,15 +1,18 @@
 //! Brush strokes as a recipe holds them, and how they are laid on the surfaces of a scene.
 
 use super::paint::{Knot, Line, Segment};
+use crate::names::suggest;
 use crate::scene::bvh::Ray;
 use crate::scene::{Geometry, SurfacePoint};
-use crate::transport::nearest::{Nearest, nearest};
+use crate::transport::nearest::{Nearest, nearest_among};
 use crate::transport::sampling;
 use crate::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// One stroke of a brush: it runs without a gap from point to point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -41,6 +44,19 @@ pub struct Stroke {
     /// (thesis 4.4.5).
     #[serde(default)]
     pub adaptive: bool,
+    /// The stroke was painted on this object, and goes where it goes. Without: it stays in its place in the world.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attached: Option<Attached>,
+}
+
+/// What a stroke follows.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Attached {
+    /// Name of the object; the stroke lies on no other.
+    pub object: String,
+    /// The frame at which the stroke's points lie on it.
+    pub frame: i64,
 }
 
 fn half() -> f32 {
@@ -60,6 +76,26 @@ pub enum StrokeMode {
     Add,
     /// `w (1 - s)`.
     Erase,
+}
+
+/// What strokes are laid on: surfaces as they are, and as they were when attached strokes were painted.
+pub struct Grounds {
+    pub now: Arc<Geometry>,
+    /// By the frame of `Attached`.
+    pub at: Vec<(i64, Arc<Geometry>)>,
+}
+
+impl Grounds {
+    /// For strokes that follow nothing.
+    pub fn still(now: Arc<Geometry>) -> Self {
+        Self { now, at: Vec::new() }
+    }
+
+    fn of(&self, stroke: &Stroke) -> (Option<i64>, &Arc<Geometry>) {
+        let Some(Attached { frame, .. }) = stroke.attached else { return (None, &self.now) };
+        let found = self.at.iter().find(|(at, _)| *at == frame);
+        (Some(frame), found.map_or(&self.now, |(_, geometry)| geometry))
+    }
 }
 
 /// How strokes met the surfaces.
@@ -84,36 +120,55 @@ const BEND: f32 = 0.7;
 /// The rays that look for obstacles run above the surface by this part of the radius, unless that is much in the scene.
 const RAISE: f32 = 0.05;
 
-/// `surroundings` gives the harmonic mean distances of points, metres; it is asked once, for points of adaptive strokes.
+/// `surroundings` gives the harmonic mean distances of points, metres; it is asked once for each of the grounds that
+/// adaptive strokes lie on (`Attached::frame`, or `None`).
 ///
-/// Errors: numbers out of range; a stroke without a point near a surface.
+/// Errors: numbers out of range; a stroke without a point near a surface, or that follows what is not there.
 pub(super) fn lay(
-    geometry: &Geometry,
+    grounds: &Grounds,
     strokes: &[Stroke],
-    mut surroundings: impl FnMut(&[SurfacePoint]) -> Result<Vec<f32>>,
+    mut surroundings: impl FnMut(Option<i64>, &[SurfacePoint]) -> Result<Vec<f32>>,
 ) -> Result<(Vec<Line>, Laid)> {
+    let mut objects = Vec::with_capacity(strokes.len());
     for (number, stroke) in strokes.iter().enumerate() {
         if let Some((field, fault)) = stroke.fault() {
             let message = format!("strokes[{number}].{field} {fault}");
             return Err(Error::compute(message, "correct the stroke, or take it out"));
         }
+        objects.push(object(number, stroke, &grounds.now)?);
     }
-    let points = strokes.iter().flat_map(|stroke| (0..stroke.points.len()).map(move |i| (stroke, i)));
-    let points: Vec<(&Stroke, usize)> = points.collect();
-    let found: Vec<Nearest> =
-        points.par_iter().map(|(stroke, i)| nearest(geometry, stroke.points[*i].into(), stroke.normal(*i))).collect();
-    let adaptive: Vec<SurfacePoint> =
-        points.iter().zip(&found).filter(|((stroke, _), _)| stroke.adaptive).map(|(_, found)| found.point).collect();
-    let mut distances = if adaptive.is_empty() { Vec::new() } else { surroundings(&adaptive)? }.into_iter();
+    let points = strokes.iter().zip(&objects).flat_map(|(s, object)| (0..s.points.len()).map(move |i| (s, *object, i)));
+    let points: Vec<(&Stroke, Option<u32>, usize)> = points.collect();
+    let near = |(stroke, object, i): &(&Stroke, Option<u32>, usize)| {
+        nearest_among(grounds.of(stroke).1, stroke.points[*i].into(), stroke.normal(*i), *object)
+    };
+    let found: Vec<Option<Nearest>> = points.par_iter().map(near).collect();
+    let mut adaptive: BTreeMap<Option<i64>, Vec<SurfacePoint>> = BTreeMap::new();
+    for ((stroke, ..), found) in points.iter().zip(&found).filter(|((stroke, ..), _)| stroke.adaptive) {
+        adaptive.entry(grounds.of(stroke).0).or_default().extend(found.as_ref().map(|found| found.point));
+    }
+    let mut distances = BTreeMap::new();
+    for (ground, points) in adaptive {
+        distances.insert(ground, surroundings(ground, &points)?.into_iter());
+    }
 
     let (mut lines, mut laid) = (Vec::new(), Laid::default());
     let mut found = found.into_iter();
-    for (number, stroke) in strokes.iter().enumerate() {
-        let knots: Vec<(Knot, f32)> = (0..stroke.points.len())
-            .map(|i| {
-                let Nearest { point, distance, .. } = found.next().expect("one a point");
-                let size =
-                    if stroke.adaptive { limited(geometry, distances.next().expect("one a point")) } else { 1.0 };
+    for ((number, stroke), object) in strokes.iter().enumerate().zip(objects) {
+        let (ground, geometry) = grounds.of(stroke);
+        let geometry: &Geometry = geometry;
+        let mut distances = distances.get_mut(&ground).filter(|_| stroke.adaptive);
+        let found: Vec<Option<Nearest>> = found.by_ref().take(stroke.points.len()).collect();
+        let Some(found) = found.into_iter().collect::<Option<Vec<Nearest>>>() else {
+            let name = stroke.attached.as_ref().map_or("", |attached| &attached.object);
+            let message = format!("strokes[{number}] follows \"{name}\", which has no surface at its frame");
+            return Err(Error::compute(message, "name the frame at which it was painted"));
+        };
+        let knots: Vec<(Knot, f32)> = (0..)
+            .zip(found)
+            .map(|(i, Nearest { point, distance, .. })| {
+                let around = distances.as_mut().map(|distances| distances.next().expect("one a point"));
+                let size = around.map_or(1.0, |around| limited(geometry, around));
                 let normal = stroke.normal(i).unwrap_or(point.normal.into());
                 (knot(geometry, &point, normal, stroke.radius * size), distance)
             })
@@ -124,9 +179,13 @@ pub(super) fn lay(
             return Err(nowhere(number, &knots));
         }
         let runs = knots.split(|knot| !on(knot)).filter(|run| !run.is_empty());
-        let parts: Vec<Vec<Vec<Knot>>> = runs.map(|run| trace(geometry, run)).collect();
+        let parts: Vec<Vec<Vec<Knot>>> = runs.map(|run| trace(geometry, object, run)).collect();
         let gaps = parts.iter().map(|parts| parts.len() - 1).sum::<usize>();
-        let segments = parts.iter().flatten().flat_map(|part| segments(part)).collect();
+        let mut segments: Vec<Segment> = parts.iter().flatten().flat_map(|part| segments(part)).collect();
+        if geometry.fingerprint != grounds.now.fingerprint {
+            let go = |knot: &Knot| carried(knot, geometry, &grounds.now, object);
+            segments = segments.iter().map(|segment| Segment::new(go(&segment.a), go(&segment.b))).collect();
+        }
         if off > 0 {
             laid.warnings.push(format!(
                 "strokes[{number}]: {off} of {} points are left out: they lie farther from any surface than half the radius",
@@ -142,6 +201,29 @@ pub(super) fn lay(
         lines.push(Line::new(segments, stroke.hardness, stroke.value, stroke.mode));
     }
     Ok((lines, laid))
+}
+
+/// The object that a stroke lies on, if it is attached.
+fn object(number: usize, stroke: &Stroke, geometry: &Geometry) -> Result<Option<u32>> {
+    let Some(Attached { object, .. }) = &stroke.attached else { return Ok(None) };
+    let found = geometry.objects.iter().position(|name| name == object);
+    found.map(|object| Some(object as u32)).ok_or_else(|| {
+        let message = format!("strokes[{number}] follows \"{object}\", which is not in the scene");
+        Error::compute(message, suggest(object, geometry.objects.iter().map(String::as_str)))
+    })
+}
+
+/// A knot where the surface that it lies on is now.
+fn carried(knot: &Knot, then: &Geometry, now: &Geometry, object: Option<u32>) -> Knot {
+    let found = nearest_among(then, knot.position, Some(knot.normal), object).expect("it lies on the object");
+    let triangle = found.point.triangle as usize;
+    if then.corners[triangle] == now.corners[triangle] {
+        return *knot;
+    }
+    let front = then.area_vector(triangle).dot(found.point.geometric_normal.into()) >= 0.0;
+    let [u, v] = found.barycentrics;
+    let point = now.surface_point(triangle, u, v, front);
+    Knot { position: point.position.into(), normal: point.normal.into(), ..*knot }
 }
 
 /// Nothing around, or a surface that is touched, must not make a brush without bounds or without size.
@@ -212,14 +294,15 @@ fn knot(geometry: &Geometry, point: &SurfacePoint, normal: Vec3, radius: f32) ->
 
 /// The knots of one run of points, with those between that lay its chords on the surfaces below; in parts where a chord
 /// leaves them.
-fn trace(geometry: &Geometry, run: &[(Knot, f32)]) -> Vec<Vec<Knot>> {
+fn trace(geometry: &Geometry, object: Option<u32>, run: &[(Knot, f32)]) -> Vec<Vec<Knot>> {
     let mut parts = vec![vec![run[0].0]];
     for pair in run.windows(2) {
         let (a, b) = (pair[0].0, pair[1].0);
         let steps = (a.position.distance(b.position) / (STEP * a.radius.min(b.radius))).ceil().clamp(1.0, MOST_STEPS);
         for step in 1..steps as usize {
             let between = a.between(&b, step as f32 / steps);
-            let Nearest { point, distance, .. } = nearest(geometry, between.position, Some(between.normal));
+            let found = nearest_among(geometry, between.position, Some(between.normal), object);
+            let Nearest { point, distance, .. } = found.expect("its ends lie on it");
             if distance <= OFF * between.radius {
                 let next = knot(geometry, &point, point.normal.into(), between.radius);
                 parts.last_mut().expect("at least one").push(next);

@@ -54,7 +54,7 @@ mod tests {
     use super::*;
     use crate::scene::builtin;
     use crate::transport::sampling::{hash, shift, triangle, unit};
-    use crate::transport::selection::{Mode, Stroke, StrokeMode};
+    use crate::transport::selection::{Grounds, Mode, Stroke, StrokeMode};
 
     /// The same bits as from the ground up, whatever became of the strokes; and what differs is not everything.
     #[test]
@@ -73,9 +73,11 @@ mod tests {
             value: if seed.is_multiple_of(3) { 1.0 } else { 0.7 },
             mode: if seed % 4 == 3 { StrokeMode::Erase } else { StrokeMode::Add },
             adaptive: false,
+            attached: None,
         };
+        let ground = Grounds::still(geometry.clone());
         let paint = |strokes: &[Stroke]| {
-            Arc::new(Selection::painted(geometry.clone(), strokes, |_| unreachable!("none is adaptive")).unwrap().0)
+            Arc::new(Selection::painted(&ground, strokes, |_, _| unreachable!("none is adaptive")).unwrap().0)
         };
         let wall = Arc::new(Selection::by_name(&geometry, &[], &[]).unwrap());
         let other = Arc::new(Selection::by_name(&geometry, &["block".to_owned()], &[]).unwrap());
