@@ -201,6 +201,7 @@ mod tests {
             recipe: &String::new,
             key: Key::of(&[]),
             content: Key::of(&[]),
+            part: None,
             notes: &notes,
         };
         let values = node.run(&inputs, &job)?;

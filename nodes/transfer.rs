@@ -3,8 +3,9 @@
 use crate::Result;
 use crate::node::{Facet, Info, Inputs, Job, Node, Port};
 use crate::transport::Basis;
+use crate::transport::blocks::Blocks;
 use crate::transport::glossy::Gloss;
-use crate::transport::precompute::{Estimator, Placement, Quality, Settings, precompute};
+use crate::transport::precompute::{Estimator, Placement, Quality, Settings, precompute, precompute_part};
 use crate::value::{Kind, Value};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -67,6 +68,7 @@ impl Node for Transfer {
         outputs: &[Port::new("transfer", Kind::Transfer, "Gather samples and the sparse gather-to-view matrix")],
         version: 3,
         stored: true,
+        in_parts: true,
         ..Info::NEW
     };
 
@@ -83,9 +85,18 @@ impl Node for Transfer {
             glossy: self.glossy,
             quality: Quality::of(self.tolerance, self.rows),
         };
-        let (transfer, cost) = precompute(job.device, &geometry, samples, &settings, job.progress)?;
+        let blocks = Blocks { memo: job.memo, key: job.key };
+        if let Some(part) = job.part {
+            let computed = precompute_part(job.device, &geometry, samples, &settings, (&blocks, part), job.progress)?;
+            job.note("blocks_computed", computed);
+            return Ok(Vec::new());
+        }
+        let (transfer, cost) = precompute(job.device, &geometry, samples, &settings, &blocks, job.progress)?;
         job.note("rows", cost.rows);
         job.note("rays", cost.rays);
+        if cost.found > 0 {
+            job.note("rows_found", cost.found);
+        }
         job.note("entries", cost.entries);
         job.note("entries_per_row", (cost.entries as f64 / cost.rows.max(1) as f64).round());
         if self.bounces > 1 {

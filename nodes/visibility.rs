@@ -2,11 +2,12 @@
 
 use crate::node::{Facet, Info, Inputs, Job, Key, Node, Port};
 use crate::scene::cube::{self, FACE_NAMES, FACES};
-use crate::scene::{Environment, Geometry, Occluders};
+use crate::scene::{Environment, Geometry, Occluders, SurfacePoint};
 use crate::transport::Samples;
 use crate::transport::shadow::bake::{self, Settings};
 use crate::transport::shadow::blind::blind;
 use crate::transport::shadow::haar::Truncation;
+use crate::transport::shadow::tiles::Tiles;
 use crate::transport::shadow::visibility::{Basis, Group, Rows, Visibility as Seen};
 use crate::value::{Kind, Value};
 use crate::{Error, Result, kernels, names};
@@ -70,6 +71,7 @@ impl Node for Visibility {
             .optional(),
         ],
         outputs: &[Port::new("visibility", Kind::Visibility, "Hidden directions, per group, cube face and sample")],
+        in_parts: true,
         ..Info::NEW
     };
 
@@ -94,6 +96,7 @@ impl Node for Visibility {
             place: inputs.key("samples", Facet::Geometry).expect("samples are connected"),
             settings,
             environment,
+            tiles: Tiles::new(job.memo, &geometry, job.part),
             told: Told::default(),
         };
         let asked = self.asked()?;
@@ -102,6 +105,14 @@ impl Node for Visibility {
             .into_iter()
             .map(|(name, objects)| bake.group(name, objects, asked))
             .collect::<Result<_>>()?;
+        let [reused, computed] = bake.tiles.counts.get();
+        if bake.tiles.keeps() {
+            job.note("tiles_found", reused);
+            job.note("tiles_computed", computed);
+        }
+        if bake.tiles.is_part() {
+            return Ok(Vec::new());
+        }
         bake.tell(asked, groups.len());
         let edits = Vec::new();
         let lit_only = environment.is_some();
@@ -138,6 +149,7 @@ struct Bake<'a> {
     place: Key,
     settings: Settings,
     environment: Option<&'a Arc<Environment>>,
+    tiles: Tiles<'a>,
     told: Told,
 }
 
@@ -166,8 +178,10 @@ impl Bake<'_> {
                 None => None,
             };
             let rows = self.rows(&name, &objects, face, wanted.as_deref(), &occluders)?;
-            self.told.add(&rows);
-            faces[face] = Some(rows);
+            if let Some(rows) = &rows {
+                self.told.add(rows);
+            }
+            faces[face] = rows;
         }
         Ok(Group { name, objects, faces })
     }
@@ -179,7 +193,7 @@ impl Bake<'_> {
         face: usize,
         wanted: Option<&[u32]>,
         occluders: &OnceCell<Occluders>,
-    ) -> Result<Arc<Rows>> {
+    ) -> Result<Option<Arc<Rows>>> {
         let (job, geometry) = (self.job, self.geometry);
         let settings = Settings { face, ..self.settings };
         // What makes no difference to runs does not name them.
@@ -187,7 +201,10 @@ impl Bake<'_> {
         let how = serde_json::to_vec(&(face, settings.size, truncation)).expect("plain data");
         let (list, lit) = (bytemuck::cast_slice(objects), bytemuck::cast_slice(wanted.unwrap_or(&[])));
         let key = Key::of(&[b"visibility rows", &self.place.0, &geometry.fingerprint, list, &how, lit]);
-        job.keep(key, Rows::bytes, || {
+        let of_tile = Key::of(&[&how, lit]);
+        let tile = |points: &[SurfacePoint]| self.tiles.key(points, objects, face, of_tile);
+        let kept = Some((&self.tiles, &tile as &dyn Fn(&[SurfacePoint]) -> Key));
+        let compute = || {
             let occluders = occluders.get_or_init(|| {
                 let mut casts = vec![false; geometry.objects.len()];
                 objects.iter().for_each(|object| casts[*object as usize] = true);
@@ -198,8 +215,13 @@ impl Bake<'_> {
             let draw = |points: &[_], face, size, wanted: Option<&[u32]>| {
                 kernels::visibility_masks(job.device, occluders, points, face, size, wanted)
             };
-            bake::face(&draw, &self.samples.points, &settings, wanted, &stage)
-        })
+            bake::face(&draw, &self.samples.points, &settings, wanted, kept, &stage)
+        };
+        if self.tiles.is_part() {
+            return compute().map(|_| None);
+        }
+        let whole = || compute().map(|rows| rows.expect("no part is asked for"));
+        job.keep(key, Rows::bytes, whole).map(Some)
     }
 
     fn tell(&self, asked: [bool; FACES], groups: usize) {

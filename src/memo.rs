@@ -33,6 +33,21 @@ impl std::fmt::Debug for Key {
     }
 }
 
+/// One of several parts that a precomputation is cut into, so that several machines share the work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// From 0.
+    pub index: usize,
+    pub count: usize,
+}
+
+impl Part {
+    /// Blocks of work go round.
+    pub fn has(&self, block: usize) -> bool {
+        block % self.count == self.index
+    }
+}
+
 /// Intermediate results that outlive one run of a node, under a key of the node's making.
 pub trait Memo: Send + Sync {
     fn get(&self, key: Key) -> Option<Arc<dyn Any + Send + Sync>>;
@@ -79,6 +94,26 @@ impl dyn Memo + '_ {
         Ok(value)
     }
 
+    /// What was laid down under a key to last.
+    pub fn find<T: Stored>(&self, key: Key) -> Option<T> {
+        let mut found = None;
+        let sound = self.load(key, &mut |sections| {
+            found = T::read(sections);
+            found.as_ref().map(|_| ())
+        });
+        found.filter(|_| sound)
+    }
+
+    /// Lays a value down to last.
+    ///
+    /// # Errors
+    /// As `save`.
+    pub fn lay_down<T: Stored>(&self, key: Key, value: &T) -> Result<()> {
+        let mut sections = SectionWriter::default();
+        value.write(&mut sections);
+        self.save(key, &sections)
+    }
+
     /// As `remember`, for what is dear to compute: looks into the disk cache too, and leaves the result there. Large
     /// parts of it then lie in the file and no more in memory (`stored::MAPPED`).
     pub fn keep<T: Stored + Send + Sync + 'static>(
@@ -88,12 +123,7 @@ impl dyn Memo + '_ {
         compute: impl FnOnce() -> Result<T>,
     ) -> Result<Arc<T>> {
         self.remember(key, bytes, || {
-            let mut found = None;
-            let sound = self.load(key, &mut |sections| {
-                found = T::read(sections);
-                found.as_ref().map(|_| ())
-            });
-            if let Some(value) = found.filter(|_| sound) {
+            if let Some(value) = self.find(key) {
                 return Ok(value);
             }
             let value = compute()?;
@@ -102,13 +132,8 @@ impl dyn Memo + '_ {
             self.save(key, &sections)?;
             let is_large = sections.sections.iter().any(|section| section.len() as u64 >= MAPPED);
             // What is large leaves memory for the file that it has just been written to.
-            let mut spilled = None;
-            let sound = is_large
-                && self.load(key, &mut |sections| {
-                    spilled = T::read(sections);
-                    spilled.as_ref().map(|_| ())
-                });
-            Ok(spilled.filter(|_| sound).unwrap_or(value))
+            let spilled = if is_large { self.find(key) } else { None };
+            Ok(spilled.unwrap_or(value))
         })
     }
 }

@@ -4,7 +4,7 @@
 //! and schemars attributes), and `Node` says the ports and does the work. Help, JSON schema, the README's table and
 //! the editor's inspector are made from it. Not for: caching, keys, threads, files on disk caches (see `eval`).
 
-pub use crate::memo::{Key, Memo, NoMemo};
+pub use crate::memo::{Key, Memo, NoMemo, Part};
 
 use crate::device::Device;
 use crate::progress::Progress;
@@ -87,6 +87,8 @@ pub struct Info {
     pub facets: &'static [FacetRule],
     /// Its value is worth keeping on disk across runs.
     pub stored: bool,
+    /// `Job::part` may ask for a part of the work, which is then left in the disk cache for the whole.
+    pub in_parts: bool,
     /// The result depends on the frame even when no parameter is a curve (an animated file, a file pattern).
     pub uses_frame: bool,
 }
@@ -102,6 +104,7 @@ impl Info {
         outputs: &[],
         facets: &[],
         stored: false,
+        in_parts: false,
         uses_frame: false,
     };
 }
@@ -319,6 +322,8 @@ pub struct Job<'a> {
     pub key: Key,
     /// Of the content of the node's files.
     pub content: Key,
+    /// Only this part of the work is to be done and left on disk; `run` gives no values then.
+    pub part: Option<Part>,
     /// What the node says about itself in the report: rays, coefficients kept, error bound.
     pub notes: &'a Mutex<serde_json::Map<String, serde_json::Value>>,
 }

@@ -1,5 +1,6 @@
 //! Lists of frames: `1-10`, `1-10x2`, `1-10:2`, `1..10`, `7,9`, negative numbers; and what part of a list is ours.
 
+use crate::memo::Part;
 use crate::{Error, Result};
 
 /// More is a slip of the keyboard.
@@ -54,16 +55,22 @@ fn parse_number(text: &str) -> Option<(i64, &str)> {
     Some((text[..length].parse().ok()?, &text[length..]))
 }
 
-/// `I/N`: the I-th of N parts of nearly equal length, I from 1.
-pub fn chunk(frames: &[i64], text: &str) -> Result<Vec<i64>> {
+/// `I/N` of an option: the I-th of N parts, I from 1.
+///
+/// # Errors
+/// `Usage`.
+pub fn parse_part(option: &str, text: &str) -> Result<Part> {
     let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse::<usize>().ok()?, n.parse::<usize>().ok()?)));
     match parts {
-        Some((i, n)) if 1 <= i && i <= n => {
-            let cut = |i: usize| (i as u128 * frames.len() as u128 / n as u128) as usize;
-            Ok(frames[cut(i - 1)..cut(i)].to_vec())
-        }
-        _ => Err(Error::usage(format!("--chunk {text} is not I/N"), "write --chunk 1/4 to --chunk 4/4")),
+        Some((i, count)) if 1 <= i && i <= count => Ok(Part { index: i - 1, count }),
+        _ => Err(Error::usage(format!("{option} {text} is not I/N"), format!("write {option} 1/4 to {option} 4/4"))),
     }
+}
+
+/// Of frames in parts of nearly equal length.
+pub fn chunk(frames: &[i64], Part { index, count }: Part) -> Vec<i64> {
+    let cut = |i: usize| (i as u128 * frames.len() as u128 / count as u128) as usize;
+    frames[cut(index)..cut(index + 1)].to_vec()
 }
 
 /// `1-3,7` for 1, 2, 3, 7.
@@ -114,11 +121,12 @@ mod tests {
     fn chunks_are_the_whole_in_order() {
         let frames: Vec<i64> = (0..10).collect();
         for n in 1..14 {
-            let parts: Vec<i64> = (1..=n).flat_map(|i| chunk(&frames, &format!("{i}/{n}")).unwrap()).collect();
+            let parts: Vec<i64> =
+                (1..=n).flat_map(|i| chunk(&frames, parse_part("--chunk", &format!("{i}/{n}")).unwrap())).collect();
             assert_eq!(parts, frames);
         }
         for text in ["0/3", "4/3", "1", "a/b", "1/0"] {
-            assert!(chunk(&frames, text).is_err(), "{text}");
+            assert!(parse_part("--chunk", text).is_err(), "{text}");
         }
     }
 

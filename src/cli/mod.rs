@@ -6,6 +6,7 @@ mod devices;
 pub mod diff;
 #[cfg(feature = "editor")]
 mod edit;
+mod farm;
 mod frames;
 mod info;
 mod messages;
@@ -43,6 +44,7 @@ enum Command {
     Schema(schema::Args),
     Devices(devices::Args),
     Bench(bench::Args),
+    Farm(farm::Args),
 }
 
 impl Cli {
@@ -70,6 +72,7 @@ impl Cli {
             Command::Schema(args) => args.run(registry),
             Command::Devices(args) => args.run(),
             Command::Bench(args) => args.run(registry),
+            Command::Farm(args) => args.run(registry),
         }
     }
 }

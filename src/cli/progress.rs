@@ -15,6 +15,8 @@ pub enum Style {
     Plain,
     /// One object a line: node, stage, done, total, seconds_left
     Json,
+    /// `openjd_progress: PERCENT` and `openjd_status: TEXT` on stdout
+    Openjd,
     None,
 }
 
@@ -35,6 +37,7 @@ pub fn start(style: Style) -> Box<dyn Sink> {
         .try_init();
     match (style, bars) {
         (Style::None, _) => Box::new(Silent),
+        (Style::Openjd, _) => Box::new(Lines::new(openjd_line, Duration::from_millis(500))),
         (Style::Json, _) => Box::new(Lines::new(json_line, Duration::from_millis(100))),
         (_, Some(bars)) => Box::new(Bars { bars, stages: Mutex::default(), next: AtomicU64::new(0) }),
         _ => Box::new(Lines::new(plain_line, Duration::from_secs(1))),
@@ -124,6 +127,14 @@ fn json_line(shown: &Shown) -> String {
     .to_string()
 }
 
+/// Frames are the progress of a task; what else goes on is its status.
+fn openjd_line(shown: &Shown) -> String {
+    match shown.node == super::render::PROGRESS {
+        true => format!("openjd_progress: {}", shown.percent()),
+        false => format!("openjd_status: {}", plain_line(shown)),
+    }
+}
+
 /// A line for each stage that takes longer than `pause`, no more often than that: when a tenth more is done, or much
 /// time has gone by.
 struct Lines {
@@ -139,7 +150,12 @@ impl Lines {
     }
 
     fn show(&self, shown: &Shown) {
-        let _ = writeln!(io::stderr().lock(), "{}", (self.format)(shown));
+        let line = (self.format)(shown);
+        // What an engine listens to is what was asked for.
+        let _ = match line.starts_with("openjd_") {
+            true => writeln!(io::stdout().lock(), "{line}"),
+            false => writeln!(io::stderr().lock(), "{line}"),
+        };
     }
 }
 
@@ -186,6 +202,10 @@ mod tests {
         assert_eq!(plain_line(&shown), "xfer: rows 25 %, 30 s left");
         let json: serde_json::Value = serde_json::from_str(&json_line(&shown)).unwrap();
         assert!((json["seconds_left"].as_f64().unwrap() - 30.0).abs() < 1.0);
+        assert_eq!(openjd_line(&shown), "openjd_status: xfer: rows 25 %, 30 s left");
+        shown.node = "render".to_owned();
+        assert_eq!(openjd_line(&shown), "openjd_progress: 25");
+        shown.node = "xfer".to_owned();
         shown.done = 0;
         shown.total = 0;
         assert_eq!(plain_line(&shown), "xfer: rows 100 %");

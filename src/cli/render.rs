@@ -1,6 +1,6 @@
 //! `chiaro render`: a recipe over its frames.
 
-use super::frames::{chunk, format_frames, parse_frames};
+use super::frames::{chunk, format_frames, parse_frames, parse_part};
 use super::progress::{self, Style};
 use super::{print, print_error};
 use crate::device::{Choice, Device};
@@ -41,6 +41,9 @@ pub struct Args {
     /// Render the I-th of N parts of the frames
     #[arg(long, value_name = "I/N")]
     chunk: Option<String>,
+    /// Do the I-th of N parts of what is precomputed, leave it in the cache, and write no files
+    #[arg(long, value_name = "I/N", conflicts_with = "no_cache")]
+    shard: Option<String>,
     /// Leave out what has its files already
     #[arg(long)]
     skip_existing: bool,
@@ -118,6 +121,9 @@ fn parse_size(text: &str) -> std::result::Result<u64, String> {
     number.checked_mul(1 << shift).ok_or_else(|| "too large".to_owned())
 }
 
+/// What frames are stages of.
+pub const PROGRESS: &str = "render";
+
 static CANCEL: AtomicBool = AtomicBool::new(false);
 
 /// The first Ctrl-C (or SIGTERM) asks nodes to stop between tiles; the second ends the process.
@@ -178,7 +184,7 @@ impl Args {
             None => parse_frames(&format!("{}..{}", plan.frames[0], plan.frames[1]))?,
         };
         match &self.chunk {
-            Some(text) => chunk(&frames, text),
+            Some(text) => Ok(chunk(&frames, parse_part("--chunk", text)?)),
             None => Ok(frames),
         }
     }
@@ -192,12 +198,20 @@ impl Args {
         context: &Context,
         report: &mut Report,
     ) -> Result<u8> {
-        let progress = Progress { node: "render", sink: context.sink, cancel: context.cancel };
+        let progress = Progress { node: PROGRESS, sink: context.sink, cancel: context.cancel };
+        let shard = self.shard.as_deref().map(|text| parse_part("--shard", text)).transpose()?;
+        if shard.is_some() && !evaluator.has_disk() {
+            let message = "parts of a precomputation meet in the disk cache, and there is none";
+            return Err(Error::usage(message, "name a folder that all of them share with --cache"));
+        }
         let stage = (frames.len() > 1).then(|| progress.stage("frames", frames.len() as u64));
         for &frame in frames {
-            let result = self.missing(plan, targets, frame).and_then(|missing| match missing.is_empty() {
-                true => Ok(false),
-                false => outputs::check(plan, &missing, frame, context.out, &self.graph)
+            let result = self.missing(plan, targets, frame).and_then(|missing| match (missing.is_empty(), shard) {
+                (true, _) => Ok(false),
+                (false, Some(part)) => {
+                    evaluator.precompute(plan, &missing, frame, part, context, &mut report.nodes).map(|()| true)
+                }
+                (false, None) => outputs::check(plan, &missing, frame, context.out, &self.graph)
                     .and_then(|()| evaluator.evaluate(plan, &missing, frame, context, &mut report.nodes))
                     .map(|_| true),
             });

@@ -25,7 +25,7 @@ pub use report::{CacheUse, NodeReport, Report};
 
 use crate::device::Device;
 use crate::graph::{Plan, Step};
-use crate::node::{Given, Inputs, Job, Key};
+use crate::node::{Given, Inputs, Job, Key, Part};
 use crate::progress::{Progress, Sink};
 use crate::stored::SectionWriter;
 use crate::value::Value;
@@ -35,6 +35,7 @@ use files::FileHashes;
 use kept::Kept;
 use keys::{Source, Task, Tasks};
 use serde_json::{Map, Value as Json};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
@@ -130,6 +131,10 @@ impl Evaluator {
         keys::tasks(plan, targets, frame, &self.files, &self.memory)
     }
 
+    pub fn has_disk(&self) -> bool {
+        self.disk.is_some()
+    }
+
     pub fn is_on_disk(&self, key: Key) -> bool {
         self.disk.as_ref().is_some_and(|disk| disk.contains(key))
     }
@@ -165,26 +170,36 @@ impl Evaluator {
         let numbers: Vec<usize> =
             targets.iter().map(|step| tasks.find(*step, frame).expect("it is asked for")).collect();
         let mut evaluation = Evaluation { evaluator: self, plan, tasks: &tasks, context, report };
-        let (needs, mut takers) = evaluation.needs(&numbers);
-        let mut results: Vec<Option<Arc<Outputs>>> = tasks.list.iter().map(|_| None).collect();
-        for (index, (need, sources)) in needs.into_iter().enumerate() {
-            let outputs = match need {
-                Need::Nothing => continue,
-                Need::Found(outputs) => outputs,
-                Need::Pass(port) => evaluation.pass(index, port, &results),
-                Need::Run(cached) => evaluation.run(index, cached, &results)?,
-            };
-            results[index] = Some(outputs);
-            // Values that nobody will ask for any more leave to the memory cache's judgement.
-            for source in sources {
-                takers[source.task] -= 1;
-                if takers[source.task] == 0 {
-                    results[source.task] = None;
-                }
-            }
-        }
+        let results = evaluation.results(&numbers)?;
         let values = |number: &usize| results[*number].as_ref().map_or_else(Vec::new, |outputs| outputs.values.clone());
         Ok(numbers.iter().map(values).collect())
+    }
+
+    /// A part of all precomputations that the targets need at a frame and that are not on disk yet: it is left there for
+    /// whoever asks for the whole. Nothing else is computed but what these take from, and no file is written.
+    ///
+    /// # Errors
+    /// As `evaluate`.
+    pub fn precompute(
+        &self,
+        plan: &Plan,
+        targets: &[usize],
+        frame: i64,
+        part: Part,
+        context: &Context,
+        report: &mut Vec<NodeReport>,
+    ) -> Result<()> {
+        let tasks = self.tasks(plan, targets, frame)?;
+        let mut evaluation = Evaluation { evaluator: self, plan, tasks: &tasks, context, report };
+        for (number, task) in tasks.list.iter().enumerate() {
+            if !plan.steps[task.step].node_type.info.in_parts || self.is_on_disk(task.key) {
+                continue;
+            }
+            let sources: BTreeSet<usize> = task.inputs.iter().flatten().map(|source| source.task).collect();
+            let results = evaluation.results(&sources.into_iter().collect::<Vec<_>>())?;
+            evaluation.compute(number, Some(part), &results)?;
+        }
+        Ok(())
     }
 }
 
@@ -201,6 +216,29 @@ impl<'a> Evaluation<'a> {
     fn task(&self, index: usize) -> (&'a Step, &'a Task) {
         let task = &self.tasks.list[index];
         (&self.plan.steps[task.step], task)
+    }
+
+    /// The outputs of these tasks, by number; others are computed on the way and let go.
+    fn results(&mut self, numbers: &[usize]) -> Result<Vec<Option<Arc<Outputs>>>> {
+        let (needs, mut takers) = self.needs(numbers);
+        let mut results: Vec<Option<Arc<Outputs>>> = self.tasks.list.iter().map(|_| None).collect();
+        for (index, (need, sources)) in needs.into_iter().enumerate() {
+            let outputs = match need {
+                Need::Nothing => continue,
+                Need::Found(outputs) => outputs,
+                Need::Pass(port) => self.pass(index, port, &results),
+                Need::Run(cached) => self.run(index, cached, &results)?,
+            };
+            results[index] = Some(outputs);
+            // Values that nobody will ask for any more leave to the memory cache's judgement.
+            for source in sources {
+                takers[source.task] -= 1;
+                if takers[source.task] == 0 {
+                    results[source.task] = None;
+                }
+            }
+        }
+        Ok(results)
     }
 
     /// What each task must do and the sources that it takes from for that, and how many take from each task (targets
@@ -294,9 +332,29 @@ impl<'a> Evaluation<'a> {
         cached: Option<Arc<Outputs>>,
         results: &[Option<Arc<Outputs>>],
     ) -> Result<Arc<Outputs>> {
+        let (step, task) = self.task(index);
+        let info = step.node_type.info;
+        let (outputs, start) = (Arc::new(self.compute(index, None, results)?), Instant::now());
+        let given: Vec<_> = outputs.values.iter().map(Value::kind).collect();
+        let declared: Vec<_> = info.outputs.iter().map(|port| port.kind).collect();
+        assert_eq!(given, declared, "{} does not give what it declares", info.name);
+        if !step.is_sink() {
+            match cached {
+                Some(cached) => compare(&cached, &outputs).map_err(|error| error.at_node(&step.name, info.name))?,
+                None => self.keep(index, task.key, &outputs),
+            }
+        }
+        // Keeping is part of what it takes.
+        if let Some(told) = self.report.last_mut() {
+            told.seconds += start.elapsed().as_secs_f64();
+        }
+        Ok(outputs)
+    }
+
+    /// Runs a node, and tells the report; with a part, there are no values.
+    fn compute(&mut self, index: usize, part: Option<Part>, results: &[Option<Arc<Outputs>>]) -> Result<Outputs> {
         let start = Instant::now();
         let (step, task) = self.task(index);
-        let (info, key) = (step.node_type.info, task.key);
         let inputs = self.inputs(index, results);
         let notes = Mutex::new(Map::new());
         let Evaluator { memory, disk, verify, .. } = self.evaluator;
@@ -310,26 +368,18 @@ impl<'a> Evaluation<'a> {
             base: &self.plan.base,
             out: self.context.out,
             recipe: &|| self.plan.recipe(),
-            key,
+            key: task.key,
             content: task.content,
+            part,
             notes: &notes,
         };
         let values = job
             .progress
             .check()
             .and_then(|()| task.node.run(&inputs, &job))
-            .map_err(|error| error.at_node(&step.name, info.name))?;
+            .map_err(|error| error.at_node(&step.name, step.node_type.info.name))?;
         drop(inputs);
-        let given: Vec<_> = values.iter().map(Value::kind).collect();
-        let declared: Vec<_> = info.outputs.iter().map(|port| port.kind).collect();
-        assert_eq!(given, declared, "{} does not give what it declares", info.name);
-        let outputs = Arc::new(Outputs { values, notes: notes.into_inner().expect("no panic while noting") });
-        if !step.is_sink() {
-            match cached {
-                Some(cached) => compare(&cached, &outputs).map_err(|error| error.at_node(&step.name, info.name))?,
-                None => self.keep(index, key, &outputs),
-            }
-        }
+        let outputs = Outputs { values, notes: notes.into_inner().expect("no panic while noting") };
         self.tell(index, start, CacheUse::Computed, outputs.bytes(), outputs.notes.clone());
         Ok(outputs)
     }

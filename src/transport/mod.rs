@@ -2,6 +2,7 @@
 
 pub mod atlas;
 pub mod atoms;
+pub mod blocks;
 pub mod cluster;
 pub mod compress;
 pub mod edits;

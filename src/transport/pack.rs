@@ -67,6 +67,11 @@ impl RowPacker {
         Ok(())
     }
 
+    /// Appends a row that was packed before, by a packer for the same settings.
+    pub fn push_packed(&mut self, entries: &[u32], scale: f32) -> Result<()> {
+        self.builder.push_packed(entries, scale)
+    }
+
     /// Appends empty rows until there are `rows`.
     pub fn fill(&mut self, rows: usize) -> Result<()> {
         (self.rows()..rows).try_for_each(|_| self.builder.push_packed(&[], 0.0))

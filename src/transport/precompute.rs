@@ -4,9 +4,11 @@ use crate::Result;
 use crate::device::{Array, Device};
 use crate::kernels::transfer_points::transfer_points;
 use crate::kernels::transfer_rows::transfer_rows;
+use crate::memo::Part;
 use crate::progress::{Progress, Stage};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::Samples;
+use crate::transport::blocks::{Block, Blocks, Kind, Known};
 use crate::transport::compress::{count_nodes, leaves, merge_siblings};
 use crate::transport::gather::Gather;
 use crate::transport::glossy::Gloss;
@@ -91,39 +93,49 @@ pub struct Cost {
     pub entries: usize,
     /// Entries of the rows between gather samples.
     pub between: usize,
+    /// Rows that were there already.
+    pub found: usize,
 }
 
 /// Rays cast before rows are packed: bounds the memory between the two.
 const BATCH_RAYS: usize = 4 << 20;
 
+/// Gather samples whose rows to each other are computed together.
+const BETWEEN: usize = 4096;
+
+/// The whole, out of what `blocks` holds already and what is computed now.
 pub fn precompute(
     device: &Device,
     geometry: &Geometry,
     samples: &Arc<Samples>,
     settings: &Settings,
+    blocks: &Blocks,
     progress: Progress,
 ) -> Result<(Transfer, Cost)> {
     let grid = samples.grid();
-    let live = live_sides(geometry, grid.points);
-    let gather = Gather::place(geometry, &live, settings.gather_samples)?;
+    let spacing = settings.quality.spacing;
+    let gather = Gather::place(geometry, &live_sides(geometry, grid.points), settings.gather_samples)?;
+    let known = blocks.find(Kind::View, grid.height.div_ceil(spacing.band(&grid)));
     let mut caster = Caster::new(device, geometry, &gather, settings, settings.quality)?;
     let stage = progress.stage("transfer rows", grid.points.len() as u64);
     let layout = {
-        let mut measure = |samples: &[usize], resolved: u64| caster.cast(grid.points, samples, &stage, resolved);
-        rows::place(&grid, settings.quality.spacing, &mut measure)?
+        let mut measure =
+            |samples: &[usize], resolved: u64| caster.take_or_cast(grid.points, samples, &known, &stage, resolved);
+        rows::place(&grid, spacing, &mut measure)?
     };
     drop(stage);
     let (rows, mut cost) = caster.finish()?;
     let between = if settings.bounces > 1 {
         let stage = progress.stage("rows between gather samples", gather.count() as u64);
-        let quality = Quality { rays: settings.quality.rays.div_ceil(4).max(16), ..settings.quality };
-        let mut caster = Caster::new(device, geometry, &gather, settings, quality)?;
+        let known = blocks.find(Kind::Between, gather.count().div_ceil(BETWEEN));
+        let mut caster = Caster::new(device, geometry, &gather, settings, between(settings))?;
         let all: Vec<usize> = (0..gather.count()).collect();
-        for part in all.chunks(4096) {
-            caster.cast(&gather.points, part, &stage, part.len() as u64)?;
+        for part in all.chunks(BETWEEN) {
+            caster.take_or_cast(&gather.points, part, &known, &stage, part.len() as u64)?;
         }
         let (between, more) = caster.finish()?;
         cost.rays += more.rays;
+        cost.found += more.found;
         cost.between = more.entries;
         Some(between)
     } else {
@@ -143,6 +155,52 @@ pub fn precompute(
         between,
     };
     Ok((transfer, cost))
+}
+
+/// Leaves a part of the rows in `blocks`; how many blocks were computed for that.
+pub fn precompute_part(
+    device: &Device,
+    geometry: &Geometry,
+    samples: &Arc<Samples>,
+    settings: &Settings,
+    (blocks, part): (&Blocks, Part),
+    progress: Progress,
+) -> Result<usize> {
+    let grid = samples.grid();
+    let gather = Gather::place(geometry, &live_sides(geometry, grid.points), settings.gather_samples)?;
+    let (spacing, band) = (settings.quality.spacing, settings.quality.spacing.band(&grid));
+    let stage = progress.stage("a part of the transfer rows", (grid.points.len() / part.count) as u64);
+    let view = blocks.fill(Kind::View, grid.height.div_ceil(band), part, |number| {
+        let mut caster = Caster::new(device, geometry, &gather, settings, settings.quality)?;
+        let (mut asked, mut distances) = (Vec::new(), Vec::new());
+        let mut measure = |samples: &[usize], resolved: u64| {
+            let found = caster.cast(grid.points, samples, &stage, resolved)?;
+            asked.extend(samples.iter().map(|sample| *sample as u32));
+            distances.extend_from_slice(&found);
+            Ok(found)
+        };
+        let lines = number * band..grid.height.min((number + 1) * band);
+        rows::place_within(&grid, spacing, lines, &mut measure)?;
+        Ok(Block { samples: asked, distances, rows: caster.finish()?.0 })
+    })?;
+    drop(stage);
+    if settings.bounces == 1 {
+        return Ok(view);
+    }
+    let stage = progress.stage("a part of the rows between gather samples", (gather.count() / part.count) as u64);
+    let all = blocks.fill(Kind::Between, gather.count().div_ceil(BETWEEN), part, |number| {
+        let mut caster = Caster::new(device, geometry, &gather, settings, between(settings))?;
+        let samples: Vec<usize> = (number * BETWEEN..gather.count().min((number + 1) * BETWEEN)).collect();
+        let distances = caster.cast(&gather.points, &samples, &stage, samples.len() as u64)?;
+        let samples = samples.into_iter().map(|sample| sample as u32).collect();
+        Ok(Block { samples, distances, rows: caster.finish()?.0 })
+    })?;
+    Ok(view + all)
+}
+
+/// Rows between gather samples carry light that is scattered again: a quarter of the rays does.
+fn between(settings: &Settings) -> Quality {
+    Quality { rays: settings.quality.rays.div_ceil(4).max(16), ..settings.quality }
 }
 
 struct Caster<'a> {
@@ -165,6 +223,35 @@ impl<'a> Caster<'a> {
     ) -> Result<Self> {
         let packer = RowPacker::new(settings, gather.count())?;
         Ok(Self { device, geometry, gather, settings, quality, packer, cost: Cost::default() })
+    }
+
+    /// Appends the rows of these points, known ones as they are; their distances.
+    fn take_or_cast(
+        &mut self,
+        points: &[SurfacePoint],
+        samples: &[usize],
+        known: &Known,
+        stage: &Stage,
+        resolved: u64,
+    ) -> Result<Vec<[f32; 2]>> {
+        if known.is_empty() {
+            return self.cast(points, samples, stage, resolved);
+        }
+        let mut distances = Vec::with_capacity(samples.len());
+        let is_known = |sample: &usize| known.row(*sample).is_some();
+        for run in samples.chunk_by(|a, b| is_known(a) == is_known(b)) {
+            if !is_known(&run[0]) {
+                distances.extend(self.cast(points, run, stage, 0)?);
+                continue;
+            }
+            for (entries, scale, distance) in run.iter().filter_map(|sample| known.row(*sample)) {
+                self.packer.push_packed(entries, scale)?;
+                distances.push(distance);
+                self.cost.found += 1;
+            }
+        }
+        stage.advance(resolved)?;
+        Ok(distances)
     }
 
     /// Appends the rows of these points; their distances.

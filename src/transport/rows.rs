@@ -9,6 +9,7 @@
 use crate::scene::SurfacePoint;
 use crate::scene::geometry::NONE;
 use glam::Vec3;
+use std::ops::Range;
 
 /// How finely rows are placed; all from the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -88,8 +89,34 @@ struct Planner<'a, 'm> {
     resolved: u64,
 }
 
+impl Spacing {
+    /// Rows of the grid that make a band: what is asked for in a band does not depend on others.
+    pub fn band(&self, grid: &Grid) -> usize {
+        16 * self.finest(grid)
+    }
+
+    /// Samples across a pixel, rounded down to a power of two: finer cells follow its surroundings, not its silhouette.
+    /// 1 where every sample has a row.
+    fn finest(&self, grid: &Grid) -> usize {
+        match self.largest {
+            1 => 1,
+            _ => 1 << grid.across.min(grid.down).ilog2(),
+        }
+    }
+}
+
 /// Places rows over the whole grid.
 pub fn place<'m>(grid: &Grid, spacing: Spacing, measure: &'m mut Measure<'m>) -> crate::Result<Layout> {
+    place_within(grid, spacing, 0..grid.height, measure)
+}
+
+/// Places rows over some rows of the grid; both ends are multiples of `Spacing::band`, or the last is the grid's.
+pub fn place_within<'m>(
+    grid: &Grid,
+    spacing: Spacing,
+    lines: Range<usize>,
+    measure: &'m mut Measure<'m>,
+) -> crate::Result<Layout> {
     let count = grid.points.len();
     let mut planner = Planner {
         grid,
@@ -101,18 +128,19 @@ pub fn place<'m>(grid: &Grid, spacing: Spacing, measure: &'m mut Measure<'m>) ->
         stencils: vec![Stencil::NOTHING; count],
         resolved: 0,
     };
-    let loose = planner.subdivide()?;
+    let loose = planner.subdivide(lines)?;
     planner.share(loose)?;
     Ok(Layout { row_samples: planner.row_samples, stencils: planner.stencils })
 }
 
 impl Planner<'_, '_> {
-    fn subdivide(&mut self) -> crate::Result<Vec<(usize, usize)>> {
+    fn subdivide(&mut self, lines: Range<usize>) -> crate::Result<Vec<(usize, usize)>> {
         let finest = self.finest();
         let mut size = self.spacing.largest * finest;
-        let step = |length: usize| (0..length).step_by(size);
-        let mut cells: Vec<Cell> =
-            step(self.grid.height).flat_map(|y| step(self.grid.width).map(move |x| Cell { x, y, size })).collect();
+        let mut cells: Vec<Cell> = lines
+            .step_by(size)
+            .flat_map(|y| (0..self.grid.width).step_by(size).map(move |x| Cell { x, y, size }))
+            .collect();
         let mut loose = Vec::new();
         while !cells.is_empty() {
             if size == 1 {
@@ -149,13 +177,8 @@ impl Planner<'_, '_> {
         Ok(loose)
     }
 
-    /// Samples across a pixel, rounded down to a power of two: finer cells follow its surroundings, not its silhouette.
-    /// 1 where every sample has a row.
     fn finest(&self) -> usize {
-        match self.spacing.largest {
-            1 => 1,
-            _ => 1 << self.grid.across.min(self.grid.down).ilog2(),
-        }
+        self.spacing.finest(self.grid)
     }
 
     fn within(&self, cell: &Cell) -> Vec<(usize, usize)> {

@@ -233,6 +233,20 @@ impl RunsBuilder {
         Ok(())
     }
 
+    /// Appends all rows of others of the same side.
+    ///
+    /// # Errors
+    /// As `push`.
+    pub fn append(&mut self, runs: &Runs) -> Result<()> {
+        let mut list = Vec::new();
+        for row in 0..runs.rows() {
+            list.clear();
+            list.extend(runs.row_toggles(row).map(|toggle| toggle as u32));
+            self.push(&list)?;
+        }
+        Ok(())
+    }
+
     pub fn finish(mut self) -> Result<Runs> {
         self.words.shrink_to_fit();
         Runs::new(self.side, self.offsets, self.words)

@@ -225,6 +225,17 @@ impl SparseRowsBuilder {
         self.close(scale)
     }
 
+    /// Appends all rows of others of the same format.
+    ///
+    /// # Errors
+    /// As `push`.
+    pub fn append(&mut self, rows: &SparseRows) -> Result<()> {
+        (0..rows.rows()).try_for_each(|row| {
+            let range = rows.offsets[row] as usize..rows.offsets[row + 1] as usize;
+            self.push_packed(&rows.entries[range], rows.scale[row])
+        })
+    }
+
     fn close(&mut self, scale: f32) -> Result<()> {
         let end = u32::try_from(self.entries.len()).map_err(|_| {
             Error::compute(

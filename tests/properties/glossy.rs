@@ -10,6 +10,7 @@ use chiaro::scene::bvh::Ray;
 use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Camera, Geometry, SurfacePoint};
 use chiaro::stored::{SectionWriter, Stored};
+use chiaro::transport::blocks::Blocks;
 use chiaro::transport::glossy::{Gloss, GlossyTransfer, gloss_key, glossy_transfer};
 use chiaro::transport::precompute::{Estimator, Placement, Quality, Settings, precompute};
 use chiaro::transport::{Basis, Samples, Transfer};
@@ -48,7 +49,7 @@ fn transfer(geometry: &Geometry, size: (u32, u32), placement: Placement, basis: 
         quality: Quality { rays: 64, ..Quality::of(0.1, placement) },
     };
     let (mut transfer, _) =
-        precompute(&Device::Cpu, geometry, &Arc::new(samples), &settings, Progress::silent()).unwrap();
+        precompute(&Device::Cpu, geometry, &Arc::new(samples), &settings, &Blocks::none(), Progress::silent()).unwrap();
     // Diffuse rows are not looked at here: few rays do. Glossy ones take what is usual.
     transfer.settings.quality.rays = 1024;
     transfer

@@ -11,6 +11,7 @@ use chiaro::progress::Progress;
 use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Camera, Geometry, SurfacePoint};
 use chiaro::stored::{SectionWriter, Stored};
+use chiaro::transport::blocks::Blocks;
 use chiaro::transport::gather::Gather;
 use chiaro::transport::glossy::Gloss;
 use chiaro::transport::hidden::{Hidden, LAYERS, hidden_rows};
@@ -56,7 +57,7 @@ pub fn transfer(geometry: &Geometry, basis: Basis) -> Transfer {
         glossy: Gloss::None,
         quality: Quality::of(0.1, Placement::Every),
     };
-    precompute(&Device::Cpu, geometry, &Arc::new(samples), &settings, Progress::silent()).unwrap().0
+    precompute(&Device::Cpu, geometry, &Arc::new(samples), &settings, &Blocks::none(), Progress::silent()).unwrap().0
 }
 
 /// The left wall is the first object.

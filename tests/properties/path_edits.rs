@@ -6,6 +6,7 @@ use chiaro::memo::{Key, NoMemo};
 use chiaro::progress::Progress;
 use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Camera, Geometry, Material};
+use chiaro::transport::blocks::Blocks;
 use chiaro::transport::edits::{Block, Change, Colour, SourceBrush, Transit};
 use chiaro::transport::glossy::Gloss;
 use chiaro::transport::lighting::{Indirect, SceneLight, Stage};
@@ -73,7 +74,9 @@ fn squares(apart: f32) -> (Geometry, Transfer) {
         glossy: Gloss::None,
         quality: Quality::of(0.01, Placement::Every),
     };
-    let (transfer, _) = precompute(&Device::Cpu, &geometry, &Arc::new(samples), &settings, Progress::silent()).unwrap();
+    let (transfer, _) =
+        precompute(&Device::Cpu, &geometry, &Arc::new(samples), &settings, &Blocks::none(), Progress::silent())
+            .unwrap();
     (geometry, transfer)
 }
 

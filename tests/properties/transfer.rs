@@ -6,6 +6,7 @@ use chiaro::memo::{Key, NoMemo};
 use chiaro::progress::{Progress, Silent};
 use chiaro::scene::geometry::{GeometryBuilder, Mesh};
 use chiaro::scene::{Camera, Geometry};
+use chiaro::transport::blocks::Blocks;
 use chiaro::transport::edits::SourceBrush;
 use chiaro::transport::glossy::Gloss;
 use chiaro::transport::lighting::{Stage, leaving};
@@ -52,7 +53,7 @@ fn furnace_transfer(placement: Placement, bounces: u32) -> Transfer {
         glossy: Gloss::None,
         quality: Quality::of(0.1, placement),
     };
-    precompute(&Device::Cpu, &geometry, &Arc::new(samples), &settings, Progress::silent()).unwrap().0
+    precompute(&Device::Cpu, &geometry, &Arc::new(samples), &settings, &Blocks::none(), Progress::silent()).unwrap().0
 }
 
 /// Where everything radiates alike, irradiance is the exitance, whatever the shapes: rows lose and invent nothing.

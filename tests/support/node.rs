@@ -50,6 +50,7 @@ pub fn run_at(kind: &str, params: Json, inputs: &[(&str, Value)], at: At) -> Res
         recipe: &|| "{ \"chiaro\": 1 }".to_owned(),
         key: Key::of(&[b"key"]),
         content: Key::of(&[b"content"]),
+        part: None,
         notes: &notes,
     };
     let values = node.run(&Inputs { info: node_type.info, values, at_frames: Vec::new() }, &job)?;

@@ -77,7 +77,9 @@ impl View {
                 let draw = |points: &[_], face, size, wanted: Option<&[u32]>| {
                     visibility_masks(&Device::Cpu, &occluders, points, face, size, wanted)
                 };
-                *rows = Some(Arc::new(bake::face(&draw, &self.samples.points, &settings, Some(&wanted), &stage)?));
+                *rows = Some(Arc::new(
+                    bake::face(&draw, &self.samples.points, &settings, Some(&wanted), None, &stage)?.unwrap(),
+                ));
             }
             Ok(Group { name, objects, faces })
         });
@@ -102,7 +104,9 @@ impl View {
             };
             let settings = Settings { face, size, basis, truncation: self.truncation };
             let stage = Progress::silent().stage("", 0);
-            *rows = Some(Arc::new(bake::face(&draw, &self.samples.points, &settings, None, &stage).unwrap()));
+            *rows = Some(Arc::new(
+                bake::face(&draw, &self.samples.points, &settings, None, None, &stage).unwrap().unwrap(),
+            ));
         }
         Visibility { basis, truncation: self.truncation, groups, ..runs.clone() }
     }

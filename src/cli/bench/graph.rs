@@ -223,6 +223,7 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
             recipe: &|| plan.recipe(),
             key: Key::of(&[&turn.to_le_bytes()]),
             content: Key::of(&[b"none"]),
+            part: None,
             notes: &Mutex::default(),
         };
         node.run(&inputs, &job).map(drop)

@@ -5,7 +5,9 @@
 
 use super::haar::{self, Encoder, HaarBasis, Truncation};
 use super::horizon;
+use super::tiles::Tiles;
 use super::visibility::{Basis, Data, Rows};
+use crate::memo::Key;
 use crate::progress::Stage;
 use crate::scene::SurfacePoint;
 use crate::scene::cube;
@@ -99,7 +101,10 @@ const REST: &str = "rest";
 /// Draws masks of points: bit set where open and above the horizon; `wanted` as `kernels::visibility_masks` takes it.
 pub type Draw<'a> = dyn Fn(&[SurfacePoint], usize, usize, Option<&[u32]>) -> Result<Vec<u32>> + 'a;
 
-/// The rows of one face; `stage` advances by samples.
+/// Tiles that are kept, and how a tile of this face is named.
+pub type Kept<'a> = (&'a Tiles<'a>, &'a dyn Fn(&[SurfacePoint]) -> Key);
+
+/// The rows of one face; `stage` advances by samples. `None` when `kept` is asked for a part.
 ///
 /// # Errors
 /// `Compute` when memory does not suffice, and what `draw` meets; `Cancelled`.
@@ -108,8 +113,9 @@ pub fn face(
     points: &[SurfacePoint],
     settings: &Settings,
     wanted: Option<&[u32]>,
+    kept: Option<Kept>,
     stage: &Stage,
-) -> Result<Rows> {
+) -> Result<Option<Rows>> {
     settings.check()?;
     let Settings { face, size, .. } = *settings;
     let words = size * size / 32;
@@ -119,17 +125,38 @@ pub fn face(
     memory::require((3 * TILE + 8 * points.len()) as u64, &name, help)?;
     let mut builder = Builder::new(settings)?;
     let mut done = 0;
-    for part in points.chunks(tile) {
+    let compute = |part: &[SurfacePoint], builder: &mut Builder| {
         let mut masks = draw(part, face, size, wanted)?;
         hide(&mut masks, part, settings, wanted);
-        builder.push(&masks, settings)?;
+        builder.push(&masks, settings)
+    };
+    let is_part = kept.is_some_and(|(tiles, _)| tiles.is_part());
+    for (number, part) in points.chunks(tile).enumerate() {
+        match kept {
+            None => compute(part, &mut builder)?,
+            Some((tiles, name)) => {
+                let key = name(part);
+                match tiles.find(key) {
+                    Some(rows) => builder.append(&rows)?,
+                    None if !tiles.is_ours(number) => {}
+                    None if tiles.keeps() => {
+                        let mut alone = Builder::new(settings)?;
+                        compute(part, &mut alone)?;
+                        let rows = Rows { size, data: alone.finish()? };
+                        tiles.keep(key, &rows)?;
+                        builder.append(&rows)?;
+                    }
+                    None => compute(part, &mut builder)?,
+                }
+            }
+        }
         done += part.len();
         // As much again for each sample to come as for those that are done.
         let left = u128::from(builder.bytes()) * (points.len() - done) as u128 / done as u128;
         memory::require(left as u64, &name, help)?;
         stage.advance(part.len() as u64)?;
     }
-    Ok(Rows { size, data: builder.finish()? })
+    Ok(if is_part { None } else { Some(Rows { size, data: builder.finish()? }) })
 }
 
 /// Turns masks of what is open into masks of what is hidden above the horizon, of the texels that are wanted.
@@ -170,6 +197,15 @@ impl Builder {
         match self {
             Self::Runs(builder) => builder.bytes(),
             Self::Haar(_, builder) => 8 * builder.rows() as u64 + 4 * builder.entries() as u64,
+        }
+    }
+
+    /// Appends rows of the same settings.
+    fn append(&mut self, rows: &Rows) -> Result<()> {
+        match (self, &rows.data) {
+            (Self::Runs(builder), Data::Runs(runs)) => builder.append(runs),
+            (Self::Haar(_, builder), Data::Haar(_, rows)) => builder.append(rows),
+            _ => Err(Error::compute("a kept tile of another basis", "clear the cache")),
         }
     }
 

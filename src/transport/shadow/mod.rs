@@ -34,6 +34,7 @@ pub mod localize;
 pub mod ratio;
 pub mod regions;
 pub mod tables;
+pub mod tiles;
 mod together;
 pub mod visibility;
 

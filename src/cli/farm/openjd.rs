@@ -1,0 +1,72 @@
+//! A job template of Open Job Description, `jobtemplate-2023-09`.
+
+use super::Job;
+use serde_json::{Value as Json, json};
+use yaml_rust2::yaml::Hash;
+use yaml_rust2::{Yaml, YamlEmitter};
+
+pub fn template(job: &Job) -> String {
+    let mut text = String::new();
+    YamlEmitter::new(&mut text).dump(&yaml(&description(job))).expect("text takes all");
+    format!("{}\n", text.trim_start_matches("---\n"))
+}
+
+fn description(job: &Job) -> Json {
+    let path = |name: &str, kind: &str, flow: &str, default: &str, text: &str| json!({ "name": name, "type": "PATH", "objectType": kind, "dataFlow": flow, "default": default, "description": text });
+    let run = |more: &[&str]| {
+        let fixed = ["render", "{{Param.Recipe}}", "--out", "{{Param.Out}}", "--cache", "{{Param.Cache}}"];
+        let rest = ["--progress", "openjd"].into_iter().chain(job.more.iter().map(String::as_str));
+        let arguments: Vec<&str> = fixed.into_iter().chain(more.iter().copied()).chain(rest).collect();
+        json!({ "actions": { "onRun": { "command": "{{Param.Chiaro}}", "args": arguments } } })
+    };
+    let shards = job.shards;
+    let precompute = json!({
+        "name": "Precompute",
+        "description": "What chunks of frames share, in parts that meet in the cache",
+        "parameterSpace": { "taskParameterDefinitions": [{ "name": "Shard", "type": "INT", "range": format!("1-{shards}") }] },
+        "script": run(&["--frames", &job.precompute_list(), "--shard", &format!("{{{{Task.Param.Shard}}}}/{shards}")]),
+    });
+    let chunks = json!({ "defaultTaskCount": job.chunk_size, "rangeConstraint": "NONCONTIGUOUS" });
+    let mut frames = json!({
+        "name": "Frames",
+        "parameterSpace": { "taskParameterDefinitions": [
+            { "name": "Frame", "type": "CHUNK[INT]", "range": "{{Param.Frames}}", "chunks": chunks }
+        ]},
+        "script": run(&["--frames", "{{Task.Param.Frame}}", "--skip-existing"]),
+    });
+    let mut steps = Vec::new();
+    if !job.precompute.is_empty() {
+        steps.push(precompute);
+        frames["dependencies"] = json!([{ "dependsOn": "Precompute" }]);
+    }
+    steps.push(frames);
+    json!({
+        "specificationVersion": "jobtemplate-2023-09",
+        "extensions": ["TASK_CHUNKING"],
+        "name": job.name,
+        "parameterDefinitions": [
+            path("Recipe", "FILE", "IN", &job.recipe.display().to_string(), "The recipe"),
+            path("Out", "DIRECTORY", "OUT", "frames", "Where pictures go"),
+            path("Cache", "DIRECTORY", "INOUT", "cache", "What is precomputed; all workers share it"),
+            { "name": "Frames", "type": "STRING", "default": job.frame_list(), "description": "Frames to render" },
+            { "name": "Chiaro", "type": "STRING", "default": "chiaro", "description": "The program" },
+        ],
+        "steps": steps,
+    })
+}
+
+fn yaml(json: &Json) -> Yaml {
+    match json {
+        Json::Object(map) => {
+            Yaml::Hash(map.iter().map(|(name, value)| (Yaml::String(name.clone()), yaml(value))).collect::<Hash>())
+        }
+        Json::Array(list) => Yaml::Array(list.iter().map(yaml).collect()),
+        Json::String(text) => Yaml::String(text.clone()),
+        Json::Bool(is) => Yaml::Boolean(*is),
+        Json::Number(number) => match number.as_i64() {
+            Some(whole) => Yaml::Integer(whole),
+            None => Yaml::Real(number.to_string()),
+        },
+        Json::Null => Yaml::Null,
+    }
+}

@@ -1,0 +1,253 @@
+//! Jobs for render farms: sound text, and really run: frames that come out are those of a plain render.
+
+#[allow(dead_code, reason = "each test file uses its own part")]
+#[path = "support/glb.rs"]
+mod glb;
+
+use glb::Glb;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use yaml_rust2::{Yaml, YamlLoader};
+
+struct Bench {
+    folder: tempfile::TempDir,
+}
+
+impl Bench {
+    /// Four frames of a moving lamp, or of a moving wall: then frames have no transfer in common.
+    fn new(moves: usize) -> Self {
+        let bench = Self { folder: tempfile::tempdir().unwrap() };
+        let from = [[0.0, 2.0, -2.0], [0.0, 1.5, 4.0], [-1.0, 3.5, 1.0]][moves - 1];
+        let to = [from[0] + 0.5, from[1], from[2]];
+        let glb = Glb::room().animate("slide", moves, "translation", 3, &[0.0, 0.5], &[from, to].concat());
+        std::fs::write(bench.path("room.glb"), glb.bytes()).unwrap();
+        let recipe = json!({ "chiaro": 1, "frames": [1, 4], "nodes": {
+            "room": { "type": "scene", "params": { "file": "room.glb" } },
+            "view": { "type": "view_samples", "params": { "width": 48, "height": 36 }, "inputs": { "scene": "room" } },
+            "xfer": { "type": "transfer", "params": { "gather_samples": 512, "tolerance": 0.2 },
+                      "inputs": { "scene": "room", "samples": "view" } },
+            "lit": { "type": "relight", "inputs": { "scene": "room", "transfer": "xfer" } },
+            "out": { "type": "write_image", "params": { "file": "lit.####.exr", "depth": "float" }, "inputs": { "image": "lit" } },
+        }});
+        std::fs::write(bench.path("it's a recipe.json"), recipe.to_string()).unwrap();
+        bench
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn chiaro(&self, arguments: &[&str]) -> Output {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin("chiaro"));
+        command.env("CHIARO_LOG", "error").env("NO_COLOR", "1").args(arguments).output().unwrap()
+    }
+
+    fn farm(&self, engine: &str, more: &[&str]) -> String {
+        let recipe = self.path("it's a recipe.json");
+        let output = self.chiaro(&[&["farm", engine, recipe.to_str().unwrap()], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn plain(&self) -> BTreeMap<String, Vec<u8>> {
+        let [recipe, out] = ["it's a recipe.json", "plain"].map(|name| self.path(name));
+        let fixed =
+            ["render", recipe.to_str().unwrap(), "--out", out.to_str().unwrap(), "--no-cache", "--device", "cpu"];
+        assert!(self.chiaro(&fixed).status.success());
+        files(&out)
+    }
+}
+
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return BTreeMap::new() };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths
+        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()))
+        .collect()
+}
+
+const LAMP: usize = 3;
+const WALL: usize = 1;
+
+fn strings(list: &Yaml) -> Vec<&str> {
+    list.as_vec().unwrap().iter().map(|item| item.as_str().unwrap()).collect()
+}
+
+#[test]
+fn a_template_says_what_is_shared_and_what_comes_after() {
+    let bench = Bench::new(LAMP);
+    let text = bench
+        .farm("openjd", &["--frames", "1-4", "--chunk-size", "2", "--shards", "3", "--set", "lit.light_samples=4"]);
+    let job = &YamlLoader::load_from_str(&text).unwrap()[0];
+    assert_eq!(job["specificationVersion"].as_str(), Some("jobtemplate-2023-09"));
+    assert_eq!((strings(&job["extensions"]), job["name"].as_str()), (vec!["TASK_CHUNKING"], Some("it's a recipe")));
+    let [precompute, frames] = &job["steps"].as_vec().unwrap()[..] else { panic!("two steps in {text}") };
+    assert_eq!((precompute["name"].as_str(), frames["name"].as_str()), (Some("Precompute"), Some("Frames")));
+    assert_eq!(frames["dependencies"][0]["dependsOn"].as_str(), Some("Precompute"));
+    let space = |step: &Yaml| step["parameterSpace"]["taskParameterDefinitions"][0].clone();
+    assert_eq!(space(precompute)["range"].as_str(), Some("1-3"));
+    assert_eq!(space(frames)["chunks"]["defaultTaskCount"].as_i64(), Some(2));
+    let of = |step: &Yaml| strings(&step["script"]["actions"]["onRun"]["args"]).join(" ");
+    assert!(
+        of(precompute).contains("--frames 1 --shard {{Task.Param.Shard}}/3")
+            && of(precompute).contains("--set lit.light_samples=4")
+    );
+    assert!(of(frames).contains("--frames {{Task.Param.Frame}}") && of(frames).contains("--set lit.light_samples=4"));
+    let defaults: BTreeMap<&str, &str> = job["parameterDefinitions"]
+        .as_vec()
+        .unwrap()
+        .iter()
+        .map(|parameter| (parameter["name"].as_str().unwrap(), parameter["default"].as_str().unwrap()))
+        .collect();
+    assert_eq!((defaults["Frames"], defaults["Chiaro"]), ("1-4", "chiaro"));
+    assert_eq!(Path::new(defaults["Recipe"]), bench.path("it's a recipe.json"));
+}
+
+#[test]
+fn what_frames_do_not_share_is_not_precomputed() {
+    for (bench, more, steps) in [
+        (Bench::new(WALL), &["--chunk-size", "1"][..], 1),
+        // One chunk alone shares with nobody.
+        (Bench::new(LAMP), &["--chunk-size", "4"], 1),
+        (Bench::new(LAMP), &["--chunk-size", "3"], 2),
+        (Bench::new(LAMP), &["--frames", "2,9"], 1),
+        (Bench::new(LAMP), &["--frames", "2,9", "--chunk-size", "1"], 2),
+    ] {
+        let text = bench.farm("openjd", more);
+        let job = &YamlLoader::load_from_str(&text).unwrap()[0];
+        assert_eq!(job["steps"].as_vec().unwrap().len(), steps, "{more:?}");
+    }
+}
+
+#[test]
+fn a_job_beside_its_recipe_names_it_by_name() {
+    let bench = Bench::new(LAMP);
+    let (recipe, job) = (bench.path("it's a recipe.json"), bench.path("job.yaml"));
+    let fixed = ["farm", "openjd", recipe.to_str().unwrap(), "-o", job.to_str().unwrap()];
+    let output = bench.chiaro(&fixed);
+    assert!(output.status.success() && output.stdout.is_empty());
+    let text = std::fs::read_to_string(job).unwrap();
+    let job = &YamlLoader::load_from_str(&text).unwrap()[0];
+    assert_eq!(job["parameterDefinitions"][0]["default"].as_str(), Some("it's a recipe.json"));
+}
+
+/// The engine of the standard itself checks the template and runs both steps, two chunks of frames.
+#[test]
+fn openjd_runs_it_and_the_frames_are_those_of_a_plain_render() {
+    let python = std::env::var("CHIARO_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let openjd = |arguments: &[&str]| Command::new(&python).args(["-m", "openjd"]).args(arguments).output();
+    if !openjd(&["--version"]).is_ok_and(|output| output.status.success()) {
+        use std::io::Write;
+        let _ =
+            writeln!(std::io::stderr(), "\nSKIPPED: {python} has no openjd-cli (pip install, or set CHIARO_PYTHON)");
+        return;
+    }
+    let bench = Bench::new(LAMP);
+    let (recipe, job) = (bench.path("it's a recipe.json"), bench.path("job.yaml"));
+    let fixed =
+        ["farm", "openjd", recipe.to_str().unwrap(), "--chunk-size", "2", "--shards", "2", "-o", job.to_str().unwrap()];
+    assert!(bench.chiaro(&fixed).status.success());
+    let said = |output: Output| {
+        let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+        assert!(output.status.success(), "{text}");
+        text
+    };
+    let checked = said(openjd(&["check", job.to_str().unwrap()]).unwrap());
+    assert!(checked.contains("passes validation"), "{checked}");
+    let parameter = |name: &str, value: &Path| format!("{name}={}", value.display());
+    let chiaro = parameter("Chiaro", &assert_cmd::cargo::cargo_bin("chiaro"));
+    let [out, cache] = [parameter("Out", &bench.path("out")), parameter("Cache", &bench.path("cache"))];
+    let ran = said(
+        openjd(&[
+            "run",
+            job.to_str().unwrap(),
+            "--step",
+            "Frames",
+            "--run-dependencies",
+            "-p",
+            &chiaro,
+            "-p",
+            &out,
+            "-p",
+            &cache,
+        ])
+        .unwrap(),
+    );
+    // Two shards, then two chunks.
+    assert!(ran.contains("Shard") && ran.contains("1-2") && ran.contains("3-4"), "{ran}");
+    let plain = bench.plain();
+    assert!(plain.len() == 4 && files(&bench.path("out")) == plain, "other frames, {ran}");
+}
+
+/// Slurm's part is played by a stand-in that runs each task of an array, and refuses to run what depends on nothing it knows.
+#[cfg(unix)]
+#[test]
+fn the_script_for_slurm_submits_both_arrays_and_gives_the_same_frames() {
+    use std::os::unix::fs::PermissionsExt;
+    let bench = Bench::new(LAMP);
+    let recipe = bench.path("it's a recipe.json");
+    let script = bench.path("job.sh");
+    let fixed = [
+        "farm",
+        "slurm",
+        recipe.to_str().unwrap(),
+        "--chunk-size",
+        "3",
+        "--shards",
+        "2",
+        "-o",
+        script.to_str().unwrap(),
+    ];
+    assert!(bench.chiaro(&fixed).status.success());
+    let stand_in = r#"#!/bin/bash
+set -eu
+for option; do case "$option" in
+    --array=1-*) last="${option#--array=1-}" ;;
+    --dependency=afterok:*) grep -qx "${option#--dependency=afterok:}" "$LOG.done" ;;
+esac; done
+echo "$*" >>"$LOG"
+cat >"$LOG.script"
+for i in $(seq "$last"); do SLURM_ARRAY_TASK_ID=$i bash "$LOG.script" >&2; done
+number=$(wc -l <"$LOG"); echo "$number" >>"$LOG.done"; echo "$number"
+"#;
+    std::fs::create_dir(bench.path("bin")).unwrap();
+    let sbatch = bench.path("bin/sbatch");
+    std::fs::write(&sbatch, stand_in).unwrap();
+    std::fs::set_permissions(&sbatch, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", bench.path("bin").display(), std::env::var("PATH").unwrap());
+    let log = bench.path("log");
+    let output = Command::new("bash")
+        .arg(&script)
+        .env("PATH", path)
+        .env("LOG", &log)
+        .env("CHIARO", assert_cmd::cargo::cargo_bin("chiaro"))
+        .env("OUT", bench.path("out"))
+        .env("SBATCH_ARGS", "--partition=night --mem=4G")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let submitted = std::fs::read_to_string(log).unwrap();
+    let [first, second] = submitted.lines().collect::<Vec<_>>()[..] else { panic!("two arrays: {submitted}") };
+    assert!(first.contains("--array=1-2") && second.contains("--array=1-2 --dependency=afterok:1"), "{submitted}");
+    assert!(second.contains("--partition=night --mem=4G"), "{submitted}");
+    assert!(files(&bench.path("out")) == bench.plain());
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let bench = Bench::new(LAMP);
+    let recipe = bench.path("it's a recipe.json");
+    let code = |more: &[&str]| {
+        let output = bench.chiaro(&[&["farm", "openjd", recipe.to_str().unwrap()], more].concat());
+        assert!(output.stdout.is_empty());
+        output.status.code()
+    };
+    assert_eq!(code(&["--frames", "9-1"]), Some(2));
+    assert_eq!(code(&["--chunk-size", "0"]), Some(2));
+    assert_eq!(code(&["--set", "lit.lights=1"]), Some(2));
+    assert_eq!(code(&["--node", "nobody"]), Some(2));
+    let output = bench.chiaro(&["farm", "slurm", "no such.json"]);
+    assert_eq!(output.status.code(), Some(3));
+}
