@@ -176,7 +176,10 @@ fn openjd_runs_it_and_the_frames_are_those_of_a_plain_render() {
         .unwrap(),
     );
     // Two shards, then two chunks.
-    assert!(ran.contains("Shard") && ran.contains("1-2") && ran.contains("3-4"), "{ran}");
+    assert!(
+        ran.contains("Shard(INT) = 2") && ran.contains("Frame(CHUNK[INT]) = 1,2") && ran.contains("= 3,4"),
+        "{ran}"
+    );
     let plain = bench.plain();
     assert!(plain.len() == 4 && files(&bench.path("out")) == plain, "other frames, {ran}");
 }

@@ -47,3 +47,51 @@ fn only_what_a_frame_changes_is_computed() {
     }
     assert_eq!(second(&Glb::room(), [1, 2]), all([None, None, None, old]), "nothing moves");
 }
+
+/// The scene of a wall behind a floor, and a panel far to the side, which moves.
+fn with_panel(moves: bool) -> Glb {
+    let mut glb = Glb::room();
+    let nodes = glb.json["nodes"].as_array_mut().unwrap();
+    nodes.push(json!({ "name": "panel", "mesh": 0, "scale": [0.2, 1, 0.2], "translation": [6.0, 0.5, 0.0],
+                       "rotation": [std::f32::consts::FRAC_1_SQRT_2, 0, 0, std::f32::consts::FRAC_1_SQRT_2] }));
+    glb.json["scenes"][0]["nodes"] = json!([0, 1, 2, 3, 4]);
+    let to = if moves { 0.9 } else { 0.5 };
+    glb.animate("lift", 4, "translation", 3, &[0.0, 1.0], &[6.0, 0.5, 0.0, 6.0, to, 0.0])
+}
+
+/// Tiles found and computed, and the picture, at a frame.
+fn shaded(stage: &Stage, plan: &Plan, frame: i64) -> ([u64; 2], Vec<u32>) {
+    let (value, report) = stage.run(plan, "lit", frame).unwrap();
+    let Value::Image(image) = value else { panic!("a picture") };
+    let seen = report.iter().find(|node| node.node == "seen").unwrap();
+    let tiles = ["tiles_found", "tiles_computed"].map(|name| seen.notes[name].as_u64().unwrap());
+    (tiles, image.layers.iter().flat_map(|layer| layer.data.iter().map(|x| x.to_bits())).collect())
+}
+
+/// A panel to the side moves: only faces that look that way are drawn again, and the picture is that of a fresh start.
+#[test]
+fn what_an_object_hides_is_drawn_again_only_where_it_is_seen() {
+    let recipe = |stage: &Stage, groups: Json| {
+        stage.plan(json!({
+            "room": { "type": "scene", "params": { "file": "room.glb" } },
+            "view": { "type": "view_samples", "params": { "width": 64, "height": 48 }, "inputs": { "scene": "room" } },
+            "sky": { "type": "environment", "params": { "file": "builtin:sky", "face_size": 32 } },
+            "seen": { "type": "visibility", "params": { "face_size": 32, "groups": groups },
+                      "inputs": { "scene": "room", "samples": "view", "environment": "sky" } },
+            "light": { "type": "transport", "inputs": { "scene": "room", "samples": "view", "environment": "sky" } },
+            "lit": { "type": "integrate", "inputs": { "visibility": "seen", "transport": "light", "samples": "view" } },
+        }))
+    };
+    for groups in [json!({}), json!({ "panel": ["panel"] })] {
+        let stage = Stage::new(&with_panel(true));
+        let plan = recipe(&stage, groups.clone());
+        let ([found, all], first) = shaded(&stage, &plan, 3);
+        assert!(found == 0 && all >= 5, "{found} {all}");
+        let ([found, drawn], second) = shaded(&stage, &plan, 20);
+        println!("groups {groups}: {drawn} of {all} tiles drawn again");
+        assert!(found + drawn == all && 0 < drawn && 2 * drawn <= all, "{found} found, {drawn} drawn");
+        assert_ne!(first, second, "its shadow moves");
+        let fresh = Stage::new(&with_panel(true));
+        assert_eq!(shaded(&fresh, &recipe(&fresh, groups), 20).1, second, "bit by bit what a fresh start gives");
+    }
+}
