@@ -1,6 +1,6 @@
 //! Times a recipe: whole runs of the program, cold and warm, and one relight node by hand with a light on the move.
 
-use super::{Part, head, integrate, measure, print, sliders, visibility};
+use super::{Part, frames, head, integrate, measure, print, sliders, visibility};
 use crate::device::{Choice, Device};
 use crate::eval::{Context, Evaluator, Memory, Options};
 use crate::graph::{self, Document, Plan};
@@ -39,6 +39,9 @@ pub fn run(
     }
     if asked(Part::Process) {
         whole_runs(path, &document, choice)?;
+    }
+    if asked(Part::Frames) {
+        frames::run(&plan, Device::open(choice)?)?;
     }
     if shadowed && asked(Part::Masks) {
         masks(&plan, &document, Device::open(choice)?)?;

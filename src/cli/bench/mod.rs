@@ -2,6 +2,7 @@
 
 #[cfg(feature = "editor")]
 mod editor;
+mod frames;
 mod graph;
 mod integrate;
 mod kernels;
@@ -17,8 +18,9 @@ use std::time::Instant;
 
 /// Measure speed and memory on this machine
 ///
-/// Without a graph: the kernels on made-up data, beside the machine's own streaming rate. With one: a cold and a warm
-/// run of the whole program, sliders, relighting after a light has moved, masks of visibility, and integrating them.
+/// Without a graph: the kernels on made-up data, beside the machine's own streaming rate, and what a node costs beyond
+/// its work. With one: a cold and a warm
+/// run of the whole program, frames, sliders, relighting after a light has moved, masks of visibility, and integrating them.
 #[derive(clap::Args)]
 pub struct Args {
     /// Recipe to measure; it needs a relight node, or view_samples beside an environment or visibility node
@@ -40,6 +42,8 @@ enum Part {
     Process,
     /// Masks of visibility, beside rays
     Masks,
+    /// Frames of an animation, one after another
+    Frames,
     /// One lighting node by itself
     Light,
     /// From a slider to the picture
@@ -58,7 +62,10 @@ impl Args {
                 let asked = |part| self.part.is_empty() || self.part.contains(&part);
                 graph::run(path, device, self.device, self.runs, registry, &asked)?
             }
-            None => kernels::run(&device),
+            None => {
+                kernels::run(&device);
+                frames::overhead(device, registry)?;
+            }
         }
         Ok(0)
     }
