@@ -2,9 +2,10 @@
 
 use super::list;
 use crate::Result;
-use crate::scene::file;
+use crate::scene::file::{Model, Playing};
 use serde::Serialize;
 use std::path::Path;
+use std::sync::Arc;
 
 #[derive(Serialize)]
 pub struct SceneInfo {
@@ -16,12 +17,27 @@ pub struct SceneInfo {
     materials: Vec<String>,
     lights: Vec<String>,
     cameras: Vec<String>,
+    animations: Vec<AnimationInfo>,
+}
+
+#[derive(Serialize)]
+struct AnimationInfo {
+    name: String,
+    /// First and last key, seconds.
+    span: [f32; 2],
 }
 
 /// # Errors
 /// `File` for what cannot be read.
 pub fn describe(path: &Path) -> Result<SceneInfo> {
-    let (scene, _) = file::read(path, 1.0)?;
+    let model = Model::open(path)?;
+    let rest = model.motion.pose(&Playing::default(), 0.0, 1.0);
+    let (scene, _) = model.scene(path, &rest, Arc::new([]))?;
+    let animations = model.motion.animations().map(|name| {
+        let playing = model.motion.play(&[globset::escape(name)])?;
+        Ok(AnimationInfo { name: name.to_owned(), span: playing.span.into() })
+    });
+    let animations = animations.collect::<Result<_>>()?;
     let (low, high) = scene.geometry.bounds();
     Ok(SceneInfo {
         file: path.display().to_string(),
@@ -31,6 +47,7 @@ pub fn describe(path: &Path) -> Result<SceneInfo> {
         materials: scene.geometry.material_names.clone(),
         lights: scene.lights.iter().map(|light| light.name.clone()).collect(),
         cameras: scene.cameras.iter().map(|camera| camera.name.clone()).collect(),
+        animations,
     })
 }
 
@@ -38,11 +55,14 @@ impl SceneInfo {
     pub fn text(&self) -> String {
         let [low, high] = self.bounds.map(|[x, y, z]| format!("{x:.2} {y:.2} {z:.2}"));
         let mut text = format!("{}: glTF, {} triangles, from {low} to {high} m\n", self.file, self.triangles);
+        let animations: Vec<String> =
+            self.animations.iter().map(|a| format!("{} ({:.2} to {:.2} s)", a.name, a.span[0], a.span[1])).collect();
         let lists = [
             ("object", &self.objects),
             ("material", &self.materials),
             ("light", &self.lights),
             ("camera", &self.cameras),
+            ("animation", &animations),
         ];
         for (what, names) in lists {
             let (count, plural) = (names.len(), if names.len() == 1 { "" } else { "s" });
