@@ -114,10 +114,10 @@ impl Node for KeyframeEdits {
         job.note("keyframes", keys.iter().map(|key| key.frame).collect::<Vec<_>>());
         job.note("weights", keys.iter().map(|key| key.weight).collect::<Vec<_>>());
         let nothing = || picture(vec![0.0; width * height]);
-        // At a keyframe its edits are what they are.
+        // At a keyframe, and where nothing has moved since, its edits are what they are.
         let is_its_own = |sampled: &&Sampled| sampled.check(&geometry, transfer).is_ok();
         match &keys[..] {
-            [key] if key.frame as f64 == job.frame && key.sampled.is_none_or(|sampled| is_its_own(&sampled)) => {
+            [key] if key.sampled.is_none_or(|sampled| is_its_own(&sampled)) => {
                 job.note("disoccluded", 0.0);
                 let edits = match key.sampled {
                     Some(sampled) => Arc::new(before.and(Edit::Sampled(Arc::new(sampled.clone())))),

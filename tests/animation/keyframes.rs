@@ -78,6 +78,19 @@ fn at_its_key_an_edit_is_what_was_sampled_there() {
     assert!(off(&indirect(&stage, &plan, "lit", 1), &indirect(&stage, &plan, "plain", 1)) > 0.01, "it does something");
 }
 
+/// A held frame is the same whether it is computed alone or after its key: both have one key in the cache.
+#[test]
+fn held_frames_do_not_depend_on_what_was_computed_before() {
+    let glb = with_panel();
+    let mut all = nodes("wall", json!({ "keys": [[1, 1.5], [21, 4.0]] }));
+    all["keyed"]["params"]["coefficients"] = json!(4);
+    let (alone, after) = (Stage::new(&glb), Stage::new(&glb));
+    let plan = after.plan(all.clone());
+    indirect(&after, &plan, "lit", 21);
+    let (first, second) = (indirect(&alone, &alone.plan(all), "lit", 24), indirect(&after, &plan, "lit", 24));
+    assert_eq!(first, second);
+}
+
 /// Where all stands still, an edit that is linear in its parameter is the procedural edit at each frame.
 #[test]
 fn between_keys_edits_are_blended_by_time() {

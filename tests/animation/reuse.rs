@@ -74,9 +74,9 @@ fn what_an_object_hides_is_drawn_again_only_where_it_is_seen() {
     let recipe = |stage: &Stage, groups: Json| {
         stage.plan(json!({
             "room": { "type": "scene", "params": { "file": "room.glb" } },
-            "view": { "type": "view_samples", "params": { "width": 64, "height": 48 }, "inputs": { "scene": "room" } },
-            "sky": { "type": "environment", "params": { "file": "builtin:sky", "face_size": 32 } },
-            "seen": { "type": "visibility", "params": { "face_size": 32, "groups": groups },
+            "view": { "type": "view_samples", "params": { "width": 160, "height": 102 }, "inputs": { "scene": "room" } },
+            "sky": { "type": "environment", "params": { "file": "builtin:sky", "face_size": 128 } },
+            "seen": { "type": "visibility", "params": { "face_size": 128, "groups": groups },
                       "inputs": { "scene": "room", "samples": "view", "environment": "sky" } },
             "light": { "type": "transport", "inputs": { "scene": "room", "samples": "view", "environment": "sky" } },
             "lit": { "type": "integrate", "inputs": { "visibility": "seen", "transport": "light", "samples": "view" } },

@@ -12,7 +12,15 @@ pub fn template(job: &Job) -> String {
 }
 
 fn description(job: &Job) -> Json {
-    let path = |name: &str, kind: &str, flow: &str, default: &str, text: &str| json!({ "name": name, "type": "PATH", "objectType": kind, "dataFlow": flow, "default": default, "description": text });
+    let path = |name: &str, kind: &str, flow: &str, default: &str, text: &str| {
+        let mut path = json!({ "name": name, "type": "PATH", "objectType": kind, "dataFlow": flow });
+        // Engines refuse absolute paths as defaults: what does not lie beside the template is to be named.
+        if !std::path::Path::new(default).is_absolute() {
+            path["default"] = default.into();
+        }
+        path["description"] = text.into();
+        path
+    };
     let run = |more: &[&str]| {
         let fixed = ["render", "{{Param.Recipe}}", "--out", "{{Param.Out}}", "--cache", "{{Param.Cache}}"];
         let rest = ["--progress", "openjd"].into_iter().chain(job.more.iter().map(String::as_str));

@@ -44,10 +44,15 @@ impl<'a> Tiles<'a> {
     /// Names the shadows that `casting` objects throw on samples from a face; `how`: all else that they depend on.
     pub fn key(&self, points: &[SurfacePoint], casting: &[u32], face: usize, how: Key) -> Key {
         let there = || points.iter().filter(|point| point.exists()).map(|point| Vec3::from(point.position));
-        let Some(bounds) = there().reduce(Vec3::min).zip(there().reduce(Vec3::max)) else { return how };
+        let Some(bounds) = there().reduce(Vec3::min).zip(there().reduce(Vec3::max)) else {
+            return Key::of(&[b"empty visibility tile", &how.0, &points.len().to_le_bytes()]);
+        };
+        // Samples are lifted off their surfaces by as much (`sampling::lifted`).
+        let farthest = bounds.0.abs().max(bounds.1.abs()).max_element();
+        let slack = 2.0 * (1e-5 * farthest).max(self.lift);
         let reaches = |object: &u32| {
             let (of_object, key) = self.objects[*object as usize]?;
-            sees(bounds, of_object, face, 2.0 * self.lift).then_some(key)
+            sees(bounds, of_object, face, slack).then_some(key)
         };
         let keys: Vec<Key> = casting.iter().filter_map(reaches).collect();
         let mut parts: Vec<&[u8]> = vec![b"visibility tile", &how.0, bytemuck::cast_slice(points)];
