@@ -13,7 +13,8 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scene {
-    /// A .gltf or .glb file, or `builtin:NAME` for a scene that ships in the program (`builtin:room`, `builtin:hall`).
+    /// A .gltf or .glb file, or `builtin:NAME` for a scene that ships in the program (`room`, `hall`, `yard`, and
+    /// `walk`, in which a figure walks for two seconds).
     pub file: String,
     /// Frames a second that animation in the file is played at: frame 24 shows the file after one second at 24.
     #[schemars(range(min = 1.0, max = 1000.0), extend("unit" = "1/s"))]
@@ -67,23 +68,29 @@ impl Node for Scene {
     }
 
     fn uses_frame(&self, _: &Path) -> bool {
-        !self.file.starts_with(BUILTIN)
+        self.file.strip_prefix(BUILTIN).is_none_or(|name| builtin::seconds(name) > 0.0)
     }
 
     fn moments(&self, when: &When) -> Result<[Key; 4]> {
+        let always = Key::of(&[b"always"]);
+        if let Some(name) = self.file.strip_prefix(BUILTIN) {
+            let time = self.time((0.0, builtin::seconds(name)), when.frame);
+            let surfaces = Key::of(&[&time.to_le_bytes()]);
+            return Ok(Facet::ALL.map(|facet| if facet == Facet::Geometry { surfaces } else { always }));
+        }
         let (path, key) = (when.base.join(&self.file), Key::of(&[b"motion", &when.content.0]));
         let motion = when.memo.remember(
             key,
             |motion: &Option<Motion>| motion.as_ref().map_or(64, Motion::bytes),
             || Motion::open(&path),
         )?;
-        let Some(motion) = &*motion else { return Ok([Key::of(&[b"always"]); 4]) };
+        let Some(motion) = &*motion else { return Ok([always; 4]) };
         let playing = motion.play(&self.animations)?;
-        let time = self.time(&playing, when.frame);
+        let time = self.time(playing.span, when.frame);
         let moments = motion.moments(&motion.pose(&playing, time, 1.0));
         Ok(Facet::ALL.map(|facet| match facet {
             Facet::Geometry => moments.surfaces,
-            Facet::Materials => Key::of(&[b"always"]),
+            Facet::Materials => always,
             Facet::Lights => moments.lights,
             Facet::Cameras => moments.cameras,
         }))
@@ -91,7 +98,7 @@ impl Node for Scene {
 
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
         let mut scene = match self.file.strip_prefix(BUILTIN) {
-            Some(name) => built_in(name)?,
+            Some(name) => self.built_in(name, job)?,
             None => {
                 let (scene, census) = self.posed(job)?;
                 job.note("triangles", census.triangles);
@@ -121,11 +128,32 @@ impl Node for Scene {
 }
 
 impl Scene {
-    /// Of the file's animation, seconds.
-    fn time(&self, playing: &Playing, frame: f64) -> f32 {
+    /// Of an animation from `first` to `last`, seconds; before and after, it holds.
+    fn time(&self, (first, last): (f32, f32), frame: f64) -> f32 {
         let time = ((frame + f64::from(self.offset)) / f64::from(self.fps)) as f32;
-        let (first, last) = playing.span;
-        if self.repeat && last > first { first + (time - first).rem_euclid(last - first) } else { time }
+        match self.repeat && last > first {
+            true => first + (time - first).rem_euclid(last - first),
+            false => time.clamp(first, last.max(first)),
+        }
+    }
+
+    fn built_in(&self, name: &str, job: &Job) -> Result<SceneValue> {
+        let still = builtin::scene(name).ok_or_else(|| {
+            let known = builtin::names().collect::<Vec<_>>().join(", ");
+            Error::compute(format!("no scene called \"{name}\" ships in the program"), format!("there is {known}"))
+        })?;
+        let seconds = builtin::seconds(name);
+        if seconds == 0.0 {
+            return Ok(still);
+        }
+        let bytes = |poses: &Arc<[Geometry]>| poses.iter().map(Geometry::bytes).sum();
+        let key = Key::of(&[b"built-in poses", name.as_bytes()]);
+        let poses = job.memo(key, bytes, || Ok(builtin::poses(name, file::POSES)))?;
+        let time = self.time((0.0, seconds), job.frame);
+        job.note("time", time);
+        let mut scene = builtin::scene_at(name, time).expect("it moves");
+        Arc::make_mut(&mut scene.geometry).poses = (*poses).clone();
+        Ok(scene)
     }
 
     fn posed(&self, job: &Job) -> Result<(SceneValue, file::Census)> {
@@ -145,19 +173,12 @@ impl Scene {
         let poses = job.memo(key, bytes, || model.poses(&path, &playing, self.scale))?;
         if !playing.names.is_empty() {
             job.note("animations", playing.names.clone());
-            job.note("time", self.time(&playing, job.frame));
+            job.note("time", self.time(playing.span, job.frame));
         }
         if !playing.left_out.is_empty() {
             job.note("animations_left_out", playing.left_out.clone());
         }
-        let pose = model.motion.pose(&playing, self.time(&playing, job.frame), self.scale);
+        let pose = model.motion.pose(&playing, self.time(playing.span, job.frame), self.scale);
         model.scene(&path, &pose, (*poses).clone())
     }
-}
-
-fn built_in(name: &str) -> Result<SceneValue> {
-    builtin::scene(name).ok_or_else(|| {
-        let known = builtin::names().collect::<Vec<_>>().join(", ");
-        Error::compute(format!("no scene called \"{name}\" ships in the program"), format!("there is {known}"))
-    })
 }

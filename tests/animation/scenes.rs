@@ -61,7 +61,8 @@ fn nodes_lights_and_cameras_move_with_the_frame() {
         let forward = -scene.cameras[0].world_from_camera.z_axis;
         near(forward, [-turned.sin(), 0.0, -turned.cos()]);
         assert_eq!(report.notes["animations"], json!(["slide", "grow", "lamp", "look"]));
-        assert!((report.notes["time"].as_f64().unwrap() - frame as f64 / 24.0).abs() < 1e-6);
+        let time = (frame as f64 / 24.0).clamp(0.0, 1.0);
+        assert!((report.notes["time"].as_f64().unwrap() - time).abs() < 1e-6);
     }
 }
 

@@ -5,13 +5,35 @@ use crate::scene::{Camera, Light, Material, Scene};
 use glam::{Mat4, Quat, Vec2, Vec3};
 use std::sync::Arc;
 
-#[derive(Default)]
 pub struct Builder {
     geometry: GeometryBuilder,
     materials: Vec<Material>,
+    /// Of what is made next, in the world.
+    place: Mat4,
+    /// That a turned shape has around its axis.
+    pub segments: u32,
+}
+
+impl Default for Builder {
+    fn default() -> Self {
+        Self { geometry: GeometryBuilder::default(), materials: Vec::new(), place: Mat4::IDENTITY, segments: 96 }
+    }
 }
 
 impl Builder {
+    /// For a scene in which something moves.
+    pub fn moving() -> Self {
+        Self { geometry: GeometryBuilder::of_moving(), ..Self::default() }
+    }
+
+    /// What `make` makes stands in a place against what is being made.
+    pub fn placed(&mut self, place: Mat4, make: impl FnOnce(&mut Self)) {
+        let before = self.place;
+        self.place = before * place;
+        make(self);
+        self.place = before;
+    }
+
     pub fn material(&mut self, name: &str, material: Material) -> u32 {
         self.materials.push(Material { name: name.into(), ..material });
         self.materials.len() as u32 - 1
@@ -28,7 +50,7 @@ impl Builder {
     ) {
         let object = self.geometry.object(object);
         let mesh = Mesh { positions, normals, uvs: None, indices, material };
-        self.geometry.add(object, &mesh, place).expect("built-in meshes are sound");
+        self.geometry.add(object, &mesh, self.place * place).expect("built-in meshes are sound");
     }
 
     /// Counter-clockwise as seen from the front.
@@ -84,7 +106,7 @@ impl Builder {
     /// Turns a profile about the upright axis through `foot`: points of (radius, height), so ordered that the outside lies
     /// to the right of the way. Smooth along the profile where `smooth`, with an edge at each of its points otherwise.
     pub fn lathe(&mut self, object: &str, material: u32, foot: Vec3, profile: &[Vec2], smooth: bool) {
-        const SEGMENTS: u32 = 96;
+        let segments = self.segments;
         let last = profile.len() - 1;
         let place = Mat4::from_translation(foot);
         for band in 0..last {
@@ -94,17 +116,17 @@ impl Builder {
                 (profile[i], Vec2::new(along.y, -along.x).normalize_or_zero())
             };
             let ring = |(point, normal): (Vec2, Vec2)| {
-                (0..SEGMENTS).map(move |segment| {
-                    let (sin, cos) = (std::f32::consts::TAU * segment as f32 / SEGMENTS as f32).sin_cos();
+                (0..segments).map(move |segment| {
+                    let (sin, cos) = (std::f32::consts::TAU * segment as f32 / segments as f32).sin_cos();
                     let turned = |p: Vec2| [p.x * sin, p.y, p.x * cos];
                     (turned(point), turned(normal))
                 })
             };
             let (positions, normals): (Vec<_>, Vec<_>) = ring(at(band)).chain(ring(at(band + 1))).unzip();
-            let indices: Vec<u32> = (0..SEGMENTS)
+            let indices: Vec<u32> = (0..segments)
                 .flat_map(|s| {
-                    let (a, b) = (s, (s + 1) % SEGMENTS);
-                    let (c, d) = (b + SEGMENTS, a + SEGMENTS);
+                    let (a, b) = (s, (s + 1) % segments);
+                    let (c, d) = (b + segments, a + segments);
                     // Of a band that ends on the axis, one triangle has no area.
                     let lower = (profile[band].x > 0.0).then_some([a, b, c]);
                     let upper = (profile[band + 1].x > 0.0).then_some([a, c, d]);

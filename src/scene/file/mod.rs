@@ -79,7 +79,7 @@ struct Skin {
 }
 
 /// Times at which what moves is looked at, to find what all frames have in common: a lid that opens is seen open.
-const POSES: usize = 8;
+pub const POSES: usize = 8;
 
 /// A file that is sound so far, with all that its buffers hold.
 struct Opened {
