@@ -191,6 +191,14 @@ fn what_makes_no_sense_is_said() {
     assert!(fault(&still(&[0.0, 1.0], &[1e30; 6])).contains("farther out"));
     let wrong = still(&[0.0, 1.0], &zeros).set("/animations/0/channels/0/target/path", "rotation".into());
     assert!(fault(&wrong).contains("wrong type"));
+    let target = |pointer: &str, value: Json| {
+        fault(&still(&[0.0, 1.0], &zeros).set(&format!("/animations/0/channels/0/target/{pointer}"), value))
+    };
+    assert!(target("node", json!(99)).contains("animation 0 moves node 99 of 4"));
+    assert!(target("path", json!("pointer")).contains("something else than nodes (\"pointer\")"));
+    assert!(target("path", json!("colour")).contains("not read"));
+    let pointer = still(&[0.0, 1.0], &zeros).without("/animations/0/channels/0/target/node");
+    assert!(fault(&pointer).contains("something else than nodes"));
     let mut flat = Glb::room();
     (flat.json["nodes"][0]["scale"], flat.json["nodes"][1]["scale"]) = (json!([0, 0, 0]), json!([0, 0, 0]));
     assert!(fault(&flat).contains("no triangle with an area"));

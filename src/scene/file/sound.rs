@@ -94,6 +94,21 @@ pub fn check_json(path: &Path, json: &Json) -> Result<()> {
             return Err(damaged(path, format!("camera {index} has no lens")));
         }
     }
+    let nodes = list("/nodes").count() as u64;
+    for (index, animation) in list("/animations").enumerate() {
+        for target in animation["channels"].as_array().into_iter().flatten().map(|channel| &channel["target"]) {
+            let (node, property) = (target["node"].as_u64(), target["path"].as_str().unwrap_or(""));
+            if node.is_some_and(|node| node >= nodes) {
+                return Err(damaged(path, format!("animation {index} moves node {} of {nodes}", target["node"])));
+            }
+            if node.is_none() || !["translation", "rotation", "scale", "weights"].contains(&property) {
+                let what =
+                    format!("animation {index} moves something else than nodes (\"{property}\"), which is not read");
+                let help = "export it without: only nodes and the weights of morph targets may move";
+                return Err(Error::file(path, what, help));
+            }
+        }
+    }
     let lights: Vec<&Json> = list("/extensions/KHR_lights_punctual/lights").collect();
     for (index, light) in lights.iter().enumerate() {
         if light["type"] == "spot" && light["spot"].is_null() {
