@@ -1,9 +1,12 @@
 //! Batches that survive the night: frames in parts and in shards, by several processes, killed, and on a full disk.
 
+#[path = "support/folder.rs"]
+mod folder;
 #[allow(dead_code, reason = "each test file uses its own part")]
 #[path = "support/glb.rs"]
 mod glb;
 
+use folder::files;
 use glb::Glb;
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
@@ -77,14 +80,6 @@ impl Bench {
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return BTreeMap::new() };
-    let paths = entries.map(|entry| entry.unwrap().path());
-    paths
-        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()))
-        .collect()
 }
 
 #[test]

@@ -1,9 +1,12 @@
 //! Jobs for render farms: sound text, and really run: frames that come out are those of a plain render.
 
+#[path = "support/folder.rs"]
+mod folder;
 #[allow(dead_code, reason = "each test file uses its own part")]
 #[path = "support/glb.rs"]
 mod glb;
 
+use folder::files;
 use glb::Glb;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -58,14 +61,6 @@ impl Bench {
         assert!(self.chiaro(&fixed).status.success());
         files(&out)
     }
-}
-
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let Ok(entries) = std::fs::read_dir(folder) else { return BTreeMap::new() };
-    let paths = entries.map(|entry| entry.unwrap().path());
-    paths
-        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()))
-        .collect()
 }
 
 const LAMP: usize = 3;
