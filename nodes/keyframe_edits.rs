@@ -87,8 +87,9 @@ impl Node for KeyframeEdits {
     }
 
     fn frames(&self, port: &str, frame: i64) -> Vec<i64> {
-        let number = PORTS.iter().position(|name| *name == port);
-        vec![number.and_then(|number| self.frames.get(number).copied()).unwrap_or(frame)]
+        let Some(number) = PORTS.iter().position(|name| *name == port) else { return vec![frame] };
+        let wanted = self.blend(frame as f64).iter().any(|(key, _)| *key == number);
+        self.frames.get(number).copied().filter(|_| wanted).into_iter().collect()
     }
 
     fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
@@ -147,7 +148,7 @@ impl KeyframeEdits {
         let after = self.frames.partition_point(|key| *key as f64 <= frame);
         let Some(before) = after.checked_sub(1) else { return vec![(0, 1.0)] };
         let (Some(next), key) = (self.frames.get(after), self.frames[before]) else { return vec![(before, 1.0)] };
-        let way = ((frame - key as f64) / (next - key) as f64) as f32;
+        let way = ((frame - key as f64) / (*next as f64 - key as f64)) as f32;
         let way = match self.interpolation {
             Pace::Linear => way,
             Pace::Smooth => way * way * (3.0 - 2.0 * way),
@@ -157,7 +158,7 @@ impl KeyframeEdits {
     }
 
     fn check(&self, inputs: &Inputs) -> Result<()> {
-        let connected: Vec<&str> = PORTS.into_iter().filter(|port| inputs.get(port).is_some()).collect();
+        let connected: Vec<&str> = PORTS.into_iter().filter(|port| inputs.is_connected(port)).collect();
         let count = self.frames.len();
         if count == 0 || connected != PORTS[..count] {
             let ports = if connected.is_empty() { "nothing".to_owned() } else { connected.join(", ") };

@@ -56,6 +56,7 @@ impl Node for Scene {
             FacetRule::From(Facet::Lights, &[("lights", &[Facet::Lights])]),
         ],
         uses_frame: true,
+        timing: &["fps", "offset", "repeat"],
         ..Info::NEW
     };
 
@@ -85,7 +86,7 @@ impl Node for Scene {
             || Motion::open(&path),
         )?;
         let Some(motion) = &*motion else { return Ok([always; 4]) };
-        let playing = motion.play(&self.animations)?;
+        let playing = motion.play(&path, &self.animations)?;
         let time = self.time(playing.span, when.frame);
         let moments = motion.moments(&motion.pose(&playing, time, 1.0));
         Ok(Facet::ALL.map(|facet| match facet {
@@ -110,6 +111,9 @@ impl Node for Scene {
                 }
                 if census.drawn_solid > 0 {
                     job.note("materials_with_alpha_drawn_solid", census.drawn_solid);
+                }
+                if census.other_channels > 0 {
+                    job.note("animated_otherwise_left_out", census.other_channels);
                 }
                 if census.averaged_emission > 0 {
                     job.note("emissive_textures_averaged", census.averaged_emission);
@@ -160,7 +164,7 @@ impl Scene {
         let path = job.path(&self.file);
         let model = job.memo(Key::of(&[b"model", &job.content.0]), Model::bytes, || Model::open(&path))?;
         let playing = match model.motion.animations().next() {
-            Some(_) => model.motion.play(&self.animations)?,
+            Some(_) => model.motion.play(&path, &self.animations)?,
             None if self.animations.is_empty() => Playing::default(),
             None => {
                 let message = format!("the file holds no animation, so none is called \"{}\"", self.animations[0]);

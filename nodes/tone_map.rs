@@ -188,7 +188,12 @@ mod tests {
             Layer::new("Z", &["Z"], Content::Data, vec![7.0, 8.0]),
         ];
         let image = Value::Image(Arc::new(Image { width: 2, height: 1, layers, ..Image::default() }));
-        let inputs = Inputs { info: &ToneMap::INFO, values: vec![Some((image, [Key::of(&[]); 4]))], at_frames: vec![] };
+        let inputs = Inputs {
+            info: &ToneMap::INFO,
+            values: vec![Some((image, [Key::of(&[]); 4]))],
+            at_frames: vec![],
+            connected: vec![true],
+        };
         let notes = Mutex::default();
         let job = Job {
             device: &Device::Cpu,

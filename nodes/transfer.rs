@@ -94,6 +94,9 @@ impl Node for Transfer {
         let (transfer, cost) = precompute(job.device, &geometry, samples, &settings, &blocks, job.progress)?;
         job.note("rows", cost.rows);
         job.note("rays", cost.rays);
+        if cost.kept > 0 {
+            job.note("rays_kept", cost.kept);
+        }
         if cost.found > 0 {
             job.note("rows_found", cost.found);
         }

@@ -53,6 +53,9 @@ pub trait Memo: Send + Sync {
     fn get(&self, key: Key) -> Option<Arc<dyn Any + Send + Sync>>;
     fn put(&self, key: Key, value: Arc<dyn Any + Send + Sync>, bytes: u64);
 
+    /// Bytes that one result may have to be remembered at all.
+    fn room(&self) -> u64;
+
     /// Hands `read` what `save` laid down under that key, if it lasted. False: there is nothing, or nothing sound, and
     /// what `read` has taken so far is void.
     fn load(&self, _key: Key, _read: &mut dyn FnMut(&mut SectionReader) -> Option<()>) -> bool {
@@ -76,6 +79,9 @@ impl Memo for NoMemo {
         None
     }
     fn put(&self, _: Key, _: Arc<dyn Any + Send + Sync>, _: u64) {}
+    fn room(&self) -> u64 {
+        0
+    }
 }
 
 impl dyn Memo + '_ {

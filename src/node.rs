@@ -91,6 +91,8 @@ pub struct Info {
     pub in_parts: bool,
     /// The result depends on the frame even when no parameter is a curve (an animated file, a file pattern).
     pub uses_frame: bool,
+    /// Parameters that count only through `Node::moments`.
+    pub timing: &'static [&'static str],
 }
 
 impl Info {
@@ -106,6 +108,7 @@ impl Info {
         stored: false,
         in_parts: false,
         uses_frame: false,
+        timing: &[],
     };
 }
 
@@ -139,7 +142,7 @@ pub trait Node: Send + Sync + 'static {
     }
 
     /// Frames at which this node, computed at `frame`, asks for the input on a port. The first gives the port's value;
-    /// all are there through `Inputs::at`.
+    /// all are there through `Inputs::at`. None: it does without (`moments` then says when).
     fn frames(&self, _port: &str, frame: i64) -> Vec<i64> {
         vec![frame]
     }
@@ -180,6 +183,8 @@ pub struct Inputs<'a> {
     pub values: Vec<Option<Given>>,
     /// Of ports that are asked for at other frames (`Node::frames`): port, frame and value.
     pub at_frames: Vec<(usize, i64, Given)>,
+    /// Ports that something is connected to, whether it is asked for or not.
+    pub connected: Vec<bool>,
 }
 
 impl Inputs<'_> {
@@ -201,7 +206,11 @@ impl Inputs<'_> {
         for (port, _, given) in self.at_frames.iter().filter(|(_, at, _)| *at == frame) {
             values[*port] = Some(given.clone());
         }
-        Self { info: self.info, values, at_frames: Vec::new() }
+        Self { info: self.info, values, at_frames: Vec::new(), connected: self.connected.clone() }
+    }
+
+    pub fn is_connected(&self, port: &str) -> bool {
+        self.connected[self.index(port)]
     }
 
     /// The key of one facet of an input; for `Job::memo`.

@@ -24,6 +24,7 @@ mod surfaces;
 use chiaro::device::Device;
 use chiaro::eval::{Context, Evaluator, NodeReport, Options};
 use chiaro::graph::{Document, Plan};
+use chiaro::image::Image;
 use chiaro::nodes;
 use chiaro::progress::Silent;
 use chiaro::value::Value;

@@ -27,7 +27,8 @@ use chiaro::kernels::{
     self, average_pyramid, colour_edits, entry_ways, haar_encode, haar2d_encode, interpolate, path_product, run_light,
     scaled_product, sparse_product, surroundings, tone_map,
 };
-use chiaro::scene::{Camera, Light, LightKind, Scene, SurfacePoint, builtin, light};
+use chiaro::memo::NoMemo;
+use chiaro::scene::{Camera, Geometry, Light, LightKind, Scene, SurfacePoint, builtin, light};
 use chiaro::transport::gather::Gather;
 use chiaro::transport::runs::{Runs, RunsBuilder};
 use chiaro::transport::sparse::{EntryFormat, SparseRows};

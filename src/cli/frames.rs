@@ -73,17 +73,25 @@ pub fn chunk(frames: &[i64], Part { index, count }: Part) -> Vec<i64> {
     frames[cut(index)..cut(index + 1)].to_vec()
 }
 
-/// `1-3,7` for 1, 2, 3, 7.
+/// `1-3,7,10-30:5` for 1, 2, 3, 7, 10, 15, 20, 25, 30.
 pub fn format_frames(frames: &[i64]) -> String {
-    let mut items: Vec<(i64, i64)> = Vec::new();
-    for frame in frames {
-        match items.last_mut() {
-            Some((_, last)) if last.checked_add(1) == Some(*frame) => *last = *frame,
-            _ => items.push((*frame, *frame)),
-        }
+    let mut items = Vec::new();
+    let mut rest = frames;
+    while let [first, after @ ..] = rest {
+        let step = after.first().and_then(|second| second.checked_sub(*first)).filter(|step| *step > 0).unwrap_or(1);
+        let even = |pair: &&[i64]| pair[0].checked_add(step) == Some(pair[1]);
+        let run = 1 + rest.windows(2).take_while(even).count();
+        // Two frames that are no neighbours are no run: the second may begin one.
+        let run = if step > 1 && run < 3 { 1 } else { run };
+        let last = rest[run - 1];
+        items.push(match (run, step) {
+            (1, _) => first.to_string(),
+            (_, 1) => format!("{first}-{last}"),
+            _ => format!("{first}-{last}:{step}"),
+        });
+        rest = &rest[run..];
     }
-    let item = |(first, last): &(i64, i64)| if first == last { first.to_string() } else { format!("{first}-{last}") };
-    items.iter().map(item).collect::<Vec<_>>().join(",")
+    items.join(",")
 }
 
 #[cfg(test)]
@@ -132,6 +140,16 @@ mod tests {
 
     #[test]
     fn written_short() {
-        assert_eq!(format_frames(&[1, 2, 3, 7, 9, 10]), "1-3,7,9-10");
+        for (text, frames) in [
+            ("1-3,7,9-10", vec![1, 2, 3, 7, 9, 10]),
+            ("1,3", vec![1, 3]),
+            ("1-9:2", vec![1, 3, 5, 7, 9]),
+            ("1,4-6,8", vec![1, 4, 5, 6, 8]),
+            ("-7--1:3,4,2", vec![-7, -4, -1, 4, 2]),
+            ("9223372036854775805,9223372036854775807", vec![i64::MAX - 2, i64::MAX]),
+        ] {
+            assert_eq!(format_frames(&frames), text);
+            assert_eq!(parse_frames(text).unwrap(), frames);
+        }
     }
 }

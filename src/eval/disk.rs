@@ -76,18 +76,18 @@ impl Disk {
         }
     }
 
-    /// Keeps an entry, replacing one of the same key, and makes room for it. One that is larger than the cache is not
+    /// Keeps an entry, replacing one of the same key, and makes room for it. False: it is larger than the cache, and not
     /// kept.
     ///
     /// # Errors
     /// When the file cannot be written; what was there before is untouched.
-    pub fn put(&self, key: Key, sections: &SectionWriter) -> io::Result<()> {
+    pub fn put(&self, key: Key, sections: &SectionWriter) -> io::Result<bool> {
         let table = write_table(key, sections);
         let content: u64 = sections.sections.iter().map(|section| aligned(section.len() as u64)).sum();
         let bytes = aligned(table.len() as u64) + content;
         if bytes > self.bound {
             tracing::debug!("{key} is not cached on disk: {bytes} bytes are more than the bound of {}", self.bound);
-            return Ok(());
+            return Ok(false);
         }
         atomic::replace(&self.path(key), |file| {
             let mut write = |part: &[u8]| {
@@ -98,7 +98,8 @@ impl Disk {
             write(&table)?;
             sections.sections.iter().try_for_each(|section| write(section))
         })?;
-        self.make_room()
+        self.make_room()?;
+        Ok(true)
     }
 
     /// The entries: when each was last used, its size and path.

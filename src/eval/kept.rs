@@ -14,6 +14,8 @@ pub(super) struct Kept<'a> {
     pub disk: Option<&'a Disk>,
     /// Compute in spite of what lies on disk, and compare.
     pub verify: bool,
+    /// Results are only good for what is left on disk.
+    pub must_last: bool,
 }
 
 /// On disk, such a key must not meet that of an output, nor that of another version of the code.
@@ -32,6 +34,10 @@ impl Memo for Kept<'_> {
 
     fn put(&self, key: Key, value: Arc<dyn Any + Send + Sync>, bytes: u64) {
         self.memory.put(key, value, bytes);
+    }
+
+    fn room(&self) -> u64 {
+        self.memory.room()
     }
 
     fn load(&self, key: Key, read: &mut dyn FnMut(&mut SectionReader) -> Option<()>) -> bool {
@@ -67,9 +73,22 @@ impl Memo for Kept<'_> {
                 }
             }
         }
-        if let Err(error) = disk.put(key, sections) {
-            tracing::warn!("an intermediate result is not kept in the disk cache: {error}");
+        let lost = |what: String, help: &str| {
+            let path = disk.path(key);
+            Err(Error::output(path.parent().unwrap_or(&path), format!("a part of a precomputation {what}"), help))
+        };
+        match disk.put(key, sections) {
+            Ok(false) if self.must_last => {
+                lost("is larger than the cache may be".to_owned(), "allow it more with --cache-size")
+            }
+            Err(error) if self.must_last => {
+                lost(format!("is not kept: {error}"), "make room, or name another folder with --cache")
+            }
+            Err(error) => {
+                tracing::warn!("an intermediate result is not kept in the disk cache: {error}");
+                Ok(())
+            }
+            Ok(_) => Ok(()),
         }
-        Ok(())
     }
 }

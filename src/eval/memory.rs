@@ -98,6 +98,11 @@ impl Memo for Memory {
     fn put(&self, key: Key, value: Shared, bytes: u64) {
         self.insert((Space::Memo, key), value, bytes);
     }
+
+    /// Half of what there is: something else is wanted, too.
+    fn room(&self) -> u64 {
+        self.bound / 2
+    }
 }
 
 #[cfg(test)]

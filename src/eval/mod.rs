@@ -317,7 +317,8 @@ impl<'a> Evaluation<'a> {
         let given = |port: usize, source: &Source| (port, source.frame, self.given(source, results));
         let at_frames =
             others.flat_map(|(port, sources)| sources.iter().map(move |source| given(port, source))).collect();
-        Inputs { info: step.node_type.info, values, at_frames }
+        let connected = step.inputs.iter().map(Option::is_some).collect();
+        Inputs { info: step.node_type.info, values, at_frames, connected }
     }
 
     fn pass(&mut self, index: usize, port: usize, results: &[Option<Arc<Outputs>>]) -> Arc<Outputs> {
@@ -358,7 +359,7 @@ impl<'a> Evaluation<'a> {
         let inputs = self.inputs(index, results);
         let notes = Mutex::new(Map::new());
         let Evaluator { memory, disk, verify, .. } = self.evaluator;
-        let memo = Kept { memory, disk: disk.as_ref(), verify: *verify };
+        let memo = Kept { memory, disk: disk.as_ref(), verify: *verify, must_last: part.is_some() };
         let job = Job {
             device: &self.evaluator.device,
             progress: Progress { node: &step.name, sink: self.context.sink, cancel: self.context.cancel },

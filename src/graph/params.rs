@@ -26,7 +26,7 @@ pub struct Params {
 #[derive(Clone)]
 pub struct Ready {
     pub node: Arc<dyn AnyNode>,
-    /// Names all parameters, with the defaults of those that are not given.
+    /// Names all parameters but those of `Info::timing`, with the defaults of those that are not given.
     pub digest: Key,
 }
 
@@ -64,7 +64,11 @@ impl Params {
         }
         let given: Map<String, Json> = self.given.iter().map(|(name, param)| (name.clone(), param.at(frame))).collect();
         let node = (node_type.parse)(given)?;
-        let digest = Key::of(&[node.params().to_string().as_bytes()]);
+        let mut params = node.params();
+        if let Json::Object(params) = &mut params {
+            params.retain(|name, _| !node_type.info.timing.contains(&&**name));
+        }
+        let digest = Key::of(&[params.to_string().as_bytes()]);
         let ready = Ready { node: node.into(), digest };
         if self.given.values().all(|param| matches!(param, Param::Constant(_))) {
             return Ok(self.constant.get_or_init(|| ready).clone());

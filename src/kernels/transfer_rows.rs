@@ -7,6 +7,8 @@
 //! patch that one ray stands for, so that far and dim light costs few entries (DESIGN section 7).
 //! Output: rows x rays node numbers (0: the ray met nothing that sends light), and per row the harmonic mean and the
 //! least of the distances, which say how fast indirect light may change there (Ward et al. 1988).
+//! The CPU body also says what the rays met, and casts them anew only as far as something moved since (`Before`); the
+//! rows are the same bit by bit. The GPU casts all.
 
 use super::CREDIT_SHADERS;
 use super::shared::credit;
@@ -18,10 +20,12 @@ use crate::Result;
 use crate::device::Gpu;
 use crate::device::kernel::uniform;
 use crate::device::{Array, Binding, Device, Kernel};
-use crate::scene::bvh::{Facet, Node, Ray};
-use crate::scene::{Geometry, SurfacePoint};
+use crate::scene::bvh::{Facet, Hit, Node};
+use crate::scene::geometry::NONE;
+use crate::scene::{Change, Geometry, SurfacePoint};
 use crate::transport::gather::Gather;
 use crate::transport::sampling;
+use glam::Vec3;
 use rayon::prelude::*;
 
 uniform! {
@@ -66,6 +70,18 @@ pub struct RowRays {
     pub nodes: Vec<u32>,
     /// Per row: harmonic mean distance and least distance, metres (infinite when nothing is hit).
     pub distances: Vec<[f32; 2]>,
+    /// Rows x rays: the triangle met, `NONE` for none. Empty from a GPU.
+    pub met: Vec<u32>,
+    /// Rays that were only held against what moved since `Before`.
+    pub kept: u64,
+}
+
+/// What the same rays met at another moment.
+pub struct Before<'a> {
+    /// What moved since.
+    pub change: &'a Change,
+    /// Of each row the triangles that its rays met; `None` for a row that is new, or moved itself.
+    pub met: &'a [Option<&'a [u32]>],
 }
 
 /// `seeds`: one per point, so that a row is the same whatever else is computed with it.
@@ -77,6 +93,7 @@ pub fn transfer_rows(
     seeds: &Array<u32>,
     rays: u32,
     credit: f32,
+    before: Option<&Before>,
 ) -> Result<RowRays> {
     let params = Params {
         rows: points.len() as u32,
@@ -89,33 +106,59 @@ pub fn transfer_rows(
         pad1: 0,
     };
     match device {
-        Device::Cpu => Ok(cpu(geometry, gather, points, seeds, &params)),
+        Device::Cpu => Ok(cpu(geometry, gather, points, seeds, &params, before)),
         #[cfg(feature = "gpu")]
         Device::Gpu(gpu) => self::gpu(gpu, geometry, gather, points, seeds, &params),
     }
 }
 
-fn cpu(geometry: &Geometry, gather: &Gather, points: &[SurfacePoint], seeds: &[u32], params: &Params) -> RowRays {
+fn cpu(
+    geometry: &Geometry,
+    gather: &Gather,
+    points: &[SurfacePoint],
+    seeds: &[u32],
+    params: &Params,
+    before: Option<&Before>,
+) -> RowRays {
     let rays = params.rays as usize;
     let mut nodes = vec![0; points.len() * rays];
+    let mut met = vec![NONE; points.len() * rays];
     let mut distances = vec![[f32::INFINITY; 2]; points.len()];
-    let rows = nodes.par_chunks_mut(rays).zip(&mut distances).zip(points.par_iter().zip(seeds));
-    rows.for_each(|((nodes, distances), (point, &seed))| {
+    let rows = nodes.par_chunks_mut(rays).zip(met.par_chunks_mut(rays)).zip(&mut distances);
+    let rows = rows.zip(points.par_iter().zip(seeds)).enumerate();
+    let kept = rows.map_init(Vec::new, |hits, (row, (((nodes, met), distances), (point, &seed)))| {
         if !point.exists() {
-            return;
+            return 0;
         }
+        let known = before.and_then(|before| Some((before.change, before.met[row]?)));
         let shift = sampling::shift(seed);
-        let (mut inverse_sum, mut least) = (0.0, f32::INFINITY);
-        for (i, node) in nodes.iter_mut().enumerate() {
+        let (mut inverse_sum, mut least, mut kept) = (0.0, f32::INFINITY, 0);
+        hits.clear();
+        for (i, met) in met.iter_mut().enumerate() {
             let ray = unit_ray(point, sampling::lattice(i as u32, params.rays, shift), params.lift);
-            let (credited, distance) = follow(geometry, gather, point, &ray, params);
-            *node = credited;
-            inverse_sum += 1.0 / distance;
-            least = least.min(distance);
+            // Interpolated normals tilt some rays below the triangle itself.
+            let hit = match known {
+                _ if ray.direction.dot(point.geometric_normal.into()) <= 0.0 => Hit::MISS,
+                Some((change, met)) => {
+                    kept += u64::from(change.keeps(met[i]));
+                    change.closest(geometry, &ray, met[i])
+                }
+                None => geometry.bvh.closest(&ray),
+            };
+            *met = hit.triangle;
+            inverse_sum += 1.0 / hit.t;
+            least = least.min(hit.t);
+            hits.push((hit, ray.direction));
+        }
+        // A loop of its own: the processor waits for many samples at once.
+        for (node, (hit, direction)) in nodes.iter_mut().zip(hits) {
+            *node = credited(geometry, gather, point, *direction, hit, params);
         }
         *distances = [params.rays as f32 / inverse_sum, least];
+        kept
     });
-    RowRays { nodes, distances }
+    let kept = kept.sum();
+    RowRays { nodes, distances, met, kept }
 }
 
 #[cfg(feature = "gpu")]
@@ -129,8 +172,8 @@ fn gpu(
 ) -> Result<RowRays> {
     fits_the_shader(geometry)?;
     let rays = params.rays as usize;
-    let mut found =
-        RowRays { nodes: Vec::with_capacity(points.len() * rays), distances: Vec::with_capacity(points.len()) };
+    let (nodes, distances) = (Vec::with_capacity(points.len() * rays), Vec::with_capacity(points.len()));
+    let mut found = RowRays { nodes, distances, met: Vec::new(), kept: 0 };
     for range in pages(points.len(), gpu.page(4 * rays.max(12)).min((RAYS / rays.max(1)).max(1))) {
         let params = Params { rows: range.len() as u32, ..*params };
         let credited = gpu.storage::<u32>(range.len() * rays);
@@ -159,18 +202,20 @@ fn gpu(
     Ok(found)
 }
 
-/// The node to credit (0 for none), and the distance to the hit (infinite for none).
-fn follow(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, ray: &Ray, params: &Params) -> (u32, f32) {
-    // Interpolated normals tilt some rays below the triangle itself.
-    if ray.direction.dot(point.geometric_normal.into()) <= 0.0 {
-        return (0, f32::INFINITY);
+/// The node to credit; 0 for none.
+fn credited(
+    geometry: &Geometry,
+    gather: &Gather,
+    point: &SurfacePoint,
+    direction: Vec3,
+    hit: &Hit,
+    params: &Params,
+) -> u32 {
+    if hit.triangle == NONE {
+        return 0;
     }
-    let hit = geometry.bvh.closest(ray);
-    if hit.triangle == SurfacePoint::NOWHERE.triangle {
-        return (0, f32::INFINITY);
-    }
-    let Some(leaf) = credit::leaf(geometry, gather, point, &hit, params.spacing) else { return (0, hit.t) };
-    let share = params.rays as f32 * ray.direction.dot(point.normal.into()).max(0.05);
-    let limit = params.credit * credit::patch(geometry, &hit, ray.direction, share);
-    (credit::climb(gather, leaf, limit), hit.t)
+    let Some(leaf) = credit::leaf(geometry, gather, point, hit, params.spacing) else { return 0 };
+    let share = params.rays as f32 * direction.dot(point.normal.into()).max(0.05);
+    let limit = params.credit * credit::patch(geometry, hit, direction, share);
+    credit::climb(gather, leaf, limit)
 }

@@ -5,7 +5,7 @@
 
 use crate::device::Array;
 use crate::scene::geometry::NONE;
-use crate::scene::wide::{WideBvh, WideNode};
+use crate::scene::wide::{self, WideBvh, WideNode};
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
@@ -104,6 +104,12 @@ impl Bvh {
     pub fn any(&self, ray: &Ray) -> bool {
         self.wide.any(&self.facets, ray)
     }
+}
+
+/// Where a ray meets one triangle: bit by bit what the whole finds when nothing is nearer.
+pub fn intersect(triangle: u32, corners: &[[f32; 3]; 3], ray: &Ray) -> Option<Hit> {
+    let found = wide::intersect(&facet(triangle, corners), ray, 0.0, ray.t_max);
+    found.map(|(t, u, v, front)| Hit { t, triangle, u, v, front })
 }
 
 fn facet(triangle: u32, [a, b, c]: &[[f32; 3]; 3]) -> Facet {

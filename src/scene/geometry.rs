@@ -124,15 +124,22 @@ impl Geometry {
         [a[0] * w + b[0] * u + c[0] * v, a[1] * w + b[1] * u + c[1] * v]
     }
 
-    /// How far, at least, a ray's origin is lifted off its surface (see `sampling::lifted`), metres.
+    /// How far, at least, a ray's origin is lifted off its surface (see `sampling::lifted`), metres. The same in all
+    /// frames, so that rays from what stands still stay the same.
     pub fn lift(&self) -> f32 {
-        let (low, high) = self.bounds;
+        let (low, high) = self.bounds_over_time();
         1e-6 * (high - low).length()
     }
 
     /// Lower and upper corner of all triangles.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         self.bounds
+    }
+
+    /// Of all that `over_time` holds.
+    pub fn bounds_over_time(&self) -> (Vec3, Vec3) {
+        let all = self.over_time().iter().map(|pose| pose.bounds);
+        all.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).expect("one pose at least")
     }
 }
 

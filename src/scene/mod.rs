@@ -3,6 +3,7 @@
 pub mod builtin;
 pub mod bvh;
 pub mod camera;
+pub mod change;
 pub mod cube;
 pub mod environment;
 pub mod file;
@@ -16,6 +17,7 @@ pub mod texture;
 pub mod wide;
 
 pub use camera::Camera;
+pub use change::Change;
 pub use environment::Environment;
 pub use geometry::{Fingerprint, Geometry, SurfacePoint};
 pub use lat_long::LatLong;

@@ -74,7 +74,7 @@ impl Slabs {
 }
 
 /// Widens far distances by more than the rounding of a slab test, so that no box that is touched is skipped (Ize 2013).
-const SLACK: f32 = 1.000_000_5;
+pub const SLACK: f32 = 1.000_000_5;
 
 type BoxTest = fn(&WideNode, &Slabs, f32, &mut [f32; 8]) -> u32;
 
@@ -120,7 +120,7 @@ fn test_boxes_avx2(node: &WideNode, slabs: &Slabs, t_max: f32, entry: &mut [f32;
 
 /// Möller–Trumbore, both sides. `None` when missed or not after `t_min` and before `t_max`.
 #[inline(always)]
-fn intersect(facet: &Facet, ray: &Ray, t_min: f32, t_max: f32) -> Option<(f32, f32, f32, bool)> {
+pub fn intersect(facet: &Facet, ray: &Ray, t_min: f32, t_max: f32) -> Option<(f32, f32, f32, bool)> {
     let (edge_u, edge_v) = (Vec3::from(facet.edge_u), Vec3::from(facet.edge_v));
     let p = ray.direction.cross(edge_v);
     let determinant = edge_u.dot(p);
@@ -134,11 +134,14 @@ fn intersect(facet: &Facet, ray: &Ray, t_min: f32, t_max: f32) -> Option<(f32, f
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > t_min && t <= t_max).then_some((t, u, v, determinant > 0.0))
 }
 
-/// Deep enough for any tree but those over heaps of coincident triangles, which pay for a longer one.
-const STACK: usize = 256;
+/// Enough for the trees of some ten thousand triangles; to clear more of it for each ray takes time.
+const SHALLOW: usize = 64;
+
+/// Enough for any tree but those over heaps of coincident triangles, which pay for a longer one.
+const DEEP: usize = 256;
 
 #[inline(always)]
-fn traverse<const ANY: bool>(
+fn traverse<const ANY: bool, const STACK: usize>(
     bvh: &WideBvh,
     facets: &[Facet],
     ray: &Ray,
@@ -149,10 +152,10 @@ fn traverse<const ANY: bool>(
     let mut best = Hit { t: ray.t_max, ..Hit::MISS };
     let mut here = [(0u32, 0f32); STACK];
     let mut longer;
-    let stack: &mut [(u32, f32)] = if 7 * bvh.depth + 8 <= STACK {
+    let stack: &mut [(u32, f32)] = if bvh.longest_stack() <= STACK {
         &mut here
     } else {
-        longer = vec![(0, 0.0); 7 * bvh.depth + 8];
+        longer = vec![(0, 0.0); bvh.longest_stack()];
         &mut longer
     };
     let mut depth = 1; // stack[0] is the root
@@ -160,7 +163,8 @@ fn traverse<const ANY: bool>(
     while depth > 0 {
         depth -= 1;
         let (target, near) = stack[depth];
-        if near > best.t {
+        // The slack again: a hit may come out a little before its box.
+        if near > best.t * SLACK {
             continue;
         }
         if target & LEAF != 0 {
@@ -200,23 +204,36 @@ fn traverse<const ANY: bool>(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn traverse_avx2<const ANY: bool>(bvh: &WideBvh, facets: &[Facet], ray: &Ray, t_min: f32) -> Hit {
-    traverse::<ANY>(bvh, facets, ray, t_min, |node, slabs, t_max, entry| test_boxes_avx2(node, slabs, t_max, entry))
+fn traverse_avx2<const ANY: bool, const STACK: usize>(bvh: &WideBvh, facets: &[Facet], ray: &Ray, t_min: f32) -> Hit {
+    traverse::<ANY, STACK>(bvh, facets, ray, t_min, |node, slabs, t_max, entry| {
+        test_boxes_avx2(node, slabs, t_max, entry)
+    })
 }
 
 fn dispatch<const ANY: bool>(bvh: &WideBvh, facets: &[Facet], ray: &Ray, t_min: f32) -> Hit {
     if bvh.nodes.is_empty() || !ray.direction.is_finite() || !ray.origin.is_finite() {
         return Hit::MISS;
     }
+    match bvh.longest_stack() {
+        0..=SHALLOW => dispatch_stack::<ANY, SHALLOW>(bvh, facets, ray, t_min),
+        _ => dispatch_stack::<ANY, DEEP>(bvh, facets, ray, t_min),
+    }
+}
+
+fn dispatch_stack<const ANY: bool, const STACK: usize>(bvh: &WideBvh, facets: &[Facet], ray: &Ray, t_min: f32) -> Hit {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the feature was just found.
-        return unsafe { traverse_avx2::<ANY>(bvh, facets, ray, t_min) };
+        return unsafe { traverse_avx2::<ANY, STACK>(bvh, facets, ray, t_min) };
     }
-    traverse::<ANY>(bvh, facets, ray, t_min, test_boxes_plain as BoxTest)
+    traverse::<ANY, STACK>(bvh, facets, ray, t_min, test_boxes_plain as BoxTest)
 }
 
 impl WideBvh {
+    fn longest_stack(&self) -> usize {
+        7 * self.depth + 8
+    }
+
     pub fn closest(&self, facets: &[Facet], ray: &Ray, t_min: f32) -> Hit {
         dispatch::<false>(self, facets, ray, t_min)
     }

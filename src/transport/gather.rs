@@ -155,7 +155,8 @@ fn scatter(geometry: &Geometry, live: &Live, areas: &[f32], count: usize, total:
 /// each, of the same object and material if it can be, that no surface hides; a ray's hit then costs one look-up.
 fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -> (Vec<[u32; 4]>, Vec<u32>) {
     let normal_scale = 4.0 * area.sqrt();
-    let (low, high) = geometry.bounds();
+    // The same in all frames: what stands still keeps its cells.
+    let (low, high) = geometry.bounds_over_time();
     let centre = 0.5 * (low + high);
     let features: Vec<[f32; 6]> = points
         .iter()

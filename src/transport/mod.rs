@@ -3,6 +3,7 @@
 pub mod atlas;
 pub mod atoms;
 pub mod blocks;
+mod caster;
 pub mod cluster;
 pub mod compress;
 pub mod edits;
@@ -12,6 +13,7 @@ pub mod glossy;
 pub mod hidden;
 pub mod keyframes;
 pub mod lighting;
+mod met;
 pub mod nearest;
 mod pack;
 pub mod plate;

@@ -1,24 +1,19 @@
 //! Computes a `Transfer`: places rows, casts their rays, packs what they see.
 
 use crate::Result;
-use crate::device::{Array, Device};
-use crate::kernels::transfer_points::transfer_points;
-use crate::kernels::transfer_rows::transfer_rows;
-use crate::memo::Part;
-use crate::progress::{Progress, Stage};
-use crate::scene::{Geometry, SurfacePoint};
+use crate::device::Device;
+use crate::memo::{Key, NoMemo, Part};
+use crate::progress::Progress;
+use crate::scene::Geometry;
 use crate::transport::Samples;
-use crate::transport::blocks::{Block, Blocks, Kind, Known};
-use crate::transport::compress::{count_nodes, leaves, merge_siblings};
+use crate::transport::blocks::{Block, Blocks, Kind};
+use crate::transport::caster::Caster;
 use crate::transport::gather::Gather;
 use crate::transport::glossy::Gloss;
-use crate::transport::pack::RowPacker;
 use crate::transport::rows::{self, Spacing};
-use crate::transport::sampling;
 use crate::transport::sides::live_sides;
 use crate::transport::sparse::SparseRows;
 use crate::transport::transfer::{Basis, Transfer};
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -95,10 +90,9 @@ pub struct Cost {
     pub between: usize,
     /// Rows that were there already.
     pub found: usize,
+    /// Rays that were only held against what moved since another frame.
+    pub kept: u64,
 }
-
-/// Rays cast before rows are packed: bounds the memory between the two.
-const BATCH_RAYS: usize = 4 << 20;
 
 /// Gather samples whose rows to each other are computed together.
 const BETWEEN: usize = 4096;
@@ -114,9 +108,10 @@ pub fn precompute(
 ) -> Result<(Transfer, Cost)> {
     let grid = samples.grid();
     let spacing = settings.quality.spacing;
-    let gather = Gather::place(geometry, &live_sides(geometry, grid.points), settings.gather_samples)?;
+    let live = live_sides(geometry, grid.points, blocks.memo)?;
+    let gather = Gather::place(geometry, &live, settings.gather_samples)?;
     let known = blocks.find(Kind::View, grid.height.div_ceil(spacing.band(&grid)));
-    let mut caster = Caster::new(device, geometry, &gather, settings, settings.quality)?;
+    let mut caster = Caster::new((device, blocks.memo), geometry, &gather, settings, Kind::View)?;
     let stage = progress.stage("transfer rows", grid.points.len() as u64);
     let layout = {
         let mut measure =
@@ -125,22 +120,31 @@ pub fn precompute(
     };
     drop(stage);
     let (rows, mut cost) = caster.finish()?;
-    let between = if settings.bounces > 1 {
-        let stage = progress.stage("rows between gather samples", gather.count() as u64);
-        let known = blocks.find(Kind::Between, gather.count().div_ceil(BETWEEN));
-        let mut caster = Caster::new(device, geometry, &gather, settings, between(settings))?;
-        let all: Vec<usize> = (0..gather.count()).collect();
-        for part in all.chunks(BETWEEN) {
-            caster.take_or_cast(&gather.points, part, &known, &stage, part.len() as u64)?;
+    let between = match settings.bounces {
+        1 => None,
+        _ if !geometry.poses.is_empty() => Some(between(device, geometry, &gather, settings, blocks, progress)?),
+        _ => {
+            // When only the camera moves, they stay.
+            let settled = serde_json::to_vec(settings).expect("settings are plain data");
+            let key = Key::of(&[b"between gather samples", &geometry.fingerprint, &live, &settled]);
+            let bytes = |(rows, _): &(SparseRows, Cost)| rows.bytes();
+            let mut is_new = false;
+            let make = || {
+                is_new = true;
+                between(device, geometry, &gather, settings, blocks, progress)
+            };
+            let (rows, cost) = &*blocks.memo.remember(key, bytes, make)?;
+            let found = if is_new { *cost } else { Cost { rays: 0, found: rows.rows(), ..*cost } };
+            Some((rows.clone(), found))
         }
-        let (between, more) = caster.finish()?;
+    };
+    let between = between.map(|(rows, more)| {
         cost.rays += more.rays;
         cost.found += more.found;
+        cost.kept += more.kept;
         cost.between = more.entries;
-        Some(between)
-    } else {
-        None
-    };
+        rows
+    });
     let indices: Vec<[u32; 4]> = layout.stencils.iter().map(|stencil| stencil.rows).collect();
     let weights: Vec<[f32; 4]> = layout.stencils.iter().map(|stencil| stencil.weights).collect();
     let row_samples: Vec<u32> = layout.row_samples.iter().map(|&sample| sample as u32).collect();
@@ -157,6 +161,25 @@ pub fn precompute(
     Ok((transfer, cost))
 }
 
+/// The rows between gather samples.
+fn between(
+    device: &Device,
+    geometry: &Geometry,
+    gather: &Gather,
+    settings: &Settings,
+    blocks: &Blocks,
+    progress: Progress,
+) -> Result<(SparseRows, Cost)> {
+    let stage = progress.stage("rows between gather samples", gather.count() as u64);
+    let known = blocks.find(Kind::Between, gather.count().div_ceil(BETWEEN));
+    let mut caster = Caster::new((device, blocks.memo), geometry, gather, settings, Kind::Between)?;
+    let all: Vec<usize> = (0..gather.count()).collect();
+    for part in all.chunks(BETWEEN) {
+        caster.take_or_cast(&gather.points, part, &known, &stage, part.len() as u64)?;
+    }
+    caster.finish()
+}
+
 /// Leaves a part of the rows in `blocks`; how many blocks were computed for that.
 pub fn precompute_part(
     device: &Device,
@@ -167,11 +190,12 @@ pub fn precompute_part(
     progress: Progress,
 ) -> Result<usize> {
     let grid = samples.grid();
-    let gather = Gather::place(geometry, &live_sides(geometry, grid.points), settings.gather_samples)?;
+    let live = live_sides(geometry, grid.points, blocks.memo)?;
+    let gather = Gather::place(geometry, &live, settings.gather_samples)?;
     let (spacing, band) = (settings.quality.spacing, settings.quality.spacing.band(&grid));
     let stage = progress.stage("a part of the transfer rows", (grid.points.len() / part.count) as u64);
     let view = blocks.fill(Kind::View, grid.height.div_ceil(band), part, |number| {
-        let mut caster = Caster::new(device, geometry, &gather, settings, settings.quality)?;
+        let mut caster = Caster::new((device, &NoMemo), geometry, &gather, settings, Kind::View)?;
         let (mut asked, mut distances) = (Vec::new(), Vec::new());
         let mut measure = |samples: &[usize], resolved: u64| {
             let found = caster.cast(grid.points, samples, &stage, resolved)?;
@@ -189,120 +213,11 @@ pub fn precompute_part(
     }
     let stage = progress.stage("a part of the rows between gather samples", (gather.count() / part.count) as u64);
     let all = blocks.fill(Kind::Between, gather.count().div_ceil(BETWEEN), part, |number| {
-        let mut caster = Caster::new(device, geometry, &gather, settings, between(settings))?;
+        let mut caster = Caster::new((device, &NoMemo), geometry, &gather, settings, Kind::Between)?;
         let samples: Vec<usize> = (number * BETWEEN..gather.count().min((number + 1) * BETWEEN)).collect();
         let distances = caster.cast(&gather.points, &samples, &stage, samples.len() as u64)?;
         let samples = samples.into_iter().map(|sample| sample as u32).collect();
         Ok(Block { samples, distances, rows: caster.finish()?.0 })
     })?;
     Ok(view + all)
-}
-
-/// Rows between gather samples carry light that is scattered again: a quarter of the rays does.
-fn between(settings: &Settings) -> Quality {
-    Quality { rays: settings.quality.rays.div_ceil(4).max(16), ..settings.quality }
-}
-
-struct Caster<'a> {
-    device: &'a Device,
-    geometry: &'a Geometry,
-    gather: &'a Gather,
-    settings: &'a Settings,
-    quality: Quality,
-    packer: RowPacker,
-    cost: Cost,
-}
-
-impl<'a> Caster<'a> {
-    fn new(
-        device: &'a Device,
-        geometry: &'a Geometry,
-        gather: &'a Gather,
-        settings: &'a Settings,
-        quality: Quality,
-    ) -> Result<Self> {
-        let packer = RowPacker::new(settings, gather.count())?;
-        Ok(Self { device, geometry, gather, settings, quality, packer, cost: Cost::default() })
-    }
-
-    /// Appends the rows of these points, known ones as they are; their distances.
-    fn take_or_cast(
-        &mut self,
-        points: &[SurfacePoint],
-        samples: &[usize],
-        known: &Known,
-        stage: &Stage,
-        resolved: u64,
-    ) -> Result<Vec<[f32; 2]>> {
-        if known.is_empty() {
-            return self.cast(points, samples, stage, resolved);
-        }
-        let mut distances = Vec::with_capacity(samples.len());
-        let is_known = |sample: &usize| known.row(*sample).is_some();
-        for run in samples.chunk_by(|a, b| is_known(a) == is_known(b)) {
-            if !is_known(&run[0]) {
-                distances.extend(self.cast(points, run, stage, 0)?);
-                continue;
-            }
-            for (entries, scale, distance) in run.iter().filter_map(|sample| known.row(*sample)) {
-                self.packer.push_packed(entries, scale)?;
-                distances.push(distance);
-                self.cost.found += 1;
-            }
-        }
-        stage.advance(resolved)?;
-        Ok(distances)
-    }
-
-    /// Appends the rows of these points; their distances.
-    fn cast(
-        &mut self,
-        points: &[SurfacePoint],
-        samples: &[usize],
-        stage: &Stage,
-        resolved: u64,
-    ) -> Result<Vec<[f32; 2]>> {
-        let mut distances = Vec::with_capacity(samples.len());
-        let looks = match self.settings.estimator {
-            Estimator::Rays => self.quality.rays as usize,
-            Estimator::Points => self.gather.count(),
-        };
-        for part in samples.chunks((BATCH_RAYS / looks).max(1)) {
-            self.packer.require_memory(part.len(), looks, 4, "transfer rows")?;
-            let chosen: Array<SurfacePoint> = part.iter().map(|&i| points[i]).collect::<Vec<_>>().into();
-            distances.append(&mut match self.settings.estimator {
-                Estimator::Rays => self.shoot(&chosen, part)?,
-                Estimator::Points => self.connect(&chosen)?,
-            });
-            self.cost.rays += (part.len() * looks) as u64;
-            stage.advance(0)?;
-        }
-        stage.advance(resolved)?;
-        Ok(distances)
-    }
-
-    fn shoot(&mut self, points: &Array<SurfacePoint>, samples: &[usize]) -> Result<Vec<[f32; 2]>> {
-        let seeds: Array<u32> = samples.iter().map(|&i| sampling::hash(i as u32)).collect::<Vec<_>>().into();
-        let Quality { rays, credit, .. } = self.quality;
-        let mut cast = transfer_rows(self.device, self.geometry, self.gather, points, &seeds, rays, credit)?;
-        self.packer.push(cast.nodes.par_chunks_mut(rays as usize), |nodes, row| count_nodes(nodes, rays, row))?;
-        Ok(cast.distances)
-    }
-
-    fn connect(&mut self, points: &Array<SurfacePoint>) -> Result<Vec<[f32; 2]>> {
-        let connected = transfer_points(self.device, self.geometry, self.gather, points)?;
-        let count = self.gather.count();
-        let (basis, slack) = (self.settings.basis, self.settings.quality.slack);
-        self.packer.push(connected.weights.par_chunks(count), |weights, row| match basis {
-            Basis::Cut => merge_siblings(weights, slack, row),
-            Basis::Haar => leaves(weights, row),
-        })?;
-        Ok(connected.distances)
-    }
-
-    fn finish(self) -> Result<(SparseRows, Cost)> {
-        let rows = self.packer.finish()?;
-        let cost = Cost { rows: rows.rows(), entries: rows.entries().len(), ..self.cost };
-        Ok((rows, cost))
-    }
 }

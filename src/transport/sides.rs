@@ -6,7 +6,9 @@
 //! samples that are looked at. Deterministic; it depends on the view only through which space the view is in. What moves
 //! is looked at in several poses (`Geometry::over_time`), so that the sides are the same in all frames.
 
+use crate::Result;
 use crate::kernels::transfer_rows::unit_ray;
+use crate::memo::{Key, Memo};
 use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::gather::Live;
 use crate::transport::sampling;
@@ -23,44 +25,76 @@ const FEWEST: usize = 8;
 /// A share of rays below this is a crack between triangles, not a view.
 const CRACK: f32 = 0.002;
 
-/// `seen`: surface points that are looked at.
-pub fn live_sides(geometry: &Geometry, seen: &[SurfacePoint]) -> Live {
-    let poses = geometry.over_time();
-    let part = connected_parts(&poses[0]);
-    let parts = part.iter().max().map_or(0, |&last| last as usize + 1);
-    let node = |triangle: u32, front: bool| 2 * part[triangle as usize] as usize + usize::from(!front);
-    let mut edges = vec![Vec::new(); 2 * parts];
-    for pose in poses {
-        for (edges, more) in edges.iter_mut().zip(views(pose, &part, parts, node)) {
-            edges.extend(more);
-        }
-    }
+/// `seen`: surface points that are looked at. `memo`: other frames see the same surfaces from elsewhere.
+///
+/// # Errors
+/// None of its own; as `memo`.
+pub fn live_sides(geometry: &Geometry, seen: &[SurfacePoint], memo: &dyn Memo) -> Result<Live> {
+    let mut parts: Vec<&[u8]> = vec![b"sides that see each other"];
+    parts.extend(geometry.over_time().iter().map(|pose| &pose.fingerprint[..]));
+    let sights = memo.remember(Key::of(&parts), Sights::bytes, || Ok(Sights::of(geometry)))?;
+    Ok(sights.live(geometry, seen))
+}
 
-    let mut live = vec![false; 2 * parts];
-    let mut todo: Vec<usize> = Vec::new();
-    let mut last = usize::MAX;
-    for point in seen.iter().filter(|point| point.exists()) {
-        let facing = geometry.area_vector(point.triangle as usize).dot(point.geometric_normal.into()) >= 0.0;
-        let start = node(point.triangle, facing);
-        if start != last && !live[start] {
-            live[start] = true;
-            todo.push(start);
-        }
-        last = start;
-    }
-    while let Some(from) = todo.pop() {
-        for &to in &edges[from] {
-            if !live[to] {
-                live[to] = true;
-                todo.push(to);
+/// Which sides of connected parts see each other at any time.
+struct Sights {
+    /// Of each triangle.
+    part: Vec<u32>,
+    /// By side: front and back of part 0, of part 1, ...
+    edges: Vec<Vec<usize>>,
+}
+
+impl Sights {
+    fn of(geometry: &Geometry) -> Self {
+        let poses = geometry.over_time();
+        let part = connected_parts(&poses[0]);
+        let parts = part.iter().max().map_or(0, |&last| last as usize + 1);
+        let mut edges = vec![Vec::new(); 2 * parts];
+        for pose in poses {
+            for (edges, more) in edges.iter_mut().zip(views(pose, &part, parts)) {
+                edges.extend(more);
             }
         }
+        Self { part, edges }
     }
-    // What sees nothing sends light to nothing; whether it is in the picture must not matter.
-    if (0..live.len()).any(|side| live[side] && !edges[side].is_empty()) {
-        live.iter_mut().zip(&edges).for_each(|(live, edges)| *live &= !edges.is_empty());
+
+    fn bytes(&self) -> u64 {
+        4 * self.part.len() as u64 + self.edges.iter().map(|to| 24 + 8 * to.len() as u64).sum::<u64>()
     }
-    part.iter().map(|&p| u8::from(live[2 * p as usize]) | u8::from(live[2 * p as usize + 1]) << 1).collect()
+
+    fn live(&self, geometry: &Geometry, seen: &[SurfacePoint]) -> Live {
+        let Self { part, edges } = self;
+        let mut live = vec![false; edges.len()];
+        let mut todo: Vec<usize> = Vec::new();
+        let mut last = usize::MAX;
+        for point in seen.iter().filter(|point| point.exists()) {
+            let facing = geometry.area_vector(point.triangle as usize).dot(point.geometric_normal.into()) >= 0.0;
+            let start = side(part, point.triangle, facing);
+            if start != last && !live[start] {
+                live[start] = true;
+                todo.push(start);
+            }
+            last = start;
+        }
+        while let Some(from) = todo.pop() {
+            for &to in &edges[from] {
+                if !live[to] {
+                    live[to] = true;
+                    todo.push(to);
+                }
+            }
+        }
+        // What sees nothing sends light to nothing; whether it is in the picture must not matter.
+        if (0..live.len()).any(|side| live[side] && !edges[side].is_empty()) {
+            live.iter_mut().zip(edges).for_each(|(live, edges)| *live &= !edges.is_empty());
+        }
+        part.iter().map(|&p| u8::from(live[2 * p as usize]) | u8::from(live[2 * p as usize + 1]) << 1).collect()
+    }
+}
+
+/// Of a part, that a side of a triangle belongs to.
+fn side(part: &[u32], triangle: u32, front: bool) -> usize {
+    2 * part[triangle as usize] as usize + usize::from(!front)
 }
 
 /// Triangles that share a corner position belong to one part.
@@ -100,12 +134,12 @@ fn pilot(parts: usize) -> (usize, u32) {
 }
 
 /// For every side, the sides that it sees, or that see it, by more than a crack.
-fn views(geometry: &Geometry, part: &[u32], parts: usize, node: impl Fn(u32, bool) -> usize + Sync) -> Vec<Vec<usize>> {
+fn views(geometry: &Geometry, part: &[u32], parts: usize) -> Vec<Vec<usize>> {
     let mut members: Vec<Vec<u32>> = vec![Vec::new(); parts];
     for (triangle, &p) in part.iter().enumerate().filter(|(triangle, _)| !geometry.is_flat(*triangle)) {
         members[p as usize].push(triangle as u32);
     }
-    let (places, rays_each) = pilot(parts);
+    let ((places, rays_each), lift) = (pilot(parts), geometry.lift());
     let counted: Vec<(usize, HashMap<usize, u32>, u32)> = members
         .par_iter()
         .enumerate()
@@ -123,15 +157,12 @@ fn views(geometry: &Geometry, part: &[u32], parts: usize, node: impl Fn(u32, boo
                     let at = sampling::triangle(sampling::lattice(repeat, repeats, sampling::shift(seed)));
                     let point = geometry.surface_point(triangle as usize, at.x, at.y, front);
                     for ray in 0..rays_each {
-                        let ray = unit_ray(
-                            &point,
-                            sampling::lattice(ray, rays_each, sampling::shift(!seed)),
-                            geometry.lift(),
-                        );
+                        let at = sampling::lattice(ray, rays_each, sampling::shift(!seed));
+                        let ray = unit_ray(&point, at, lift);
                         let hit = geometry.bvh.closest(&ray);
                         rays += 1;
                         if hit.triangle != SurfacePoint::NOWHERE.triangle {
-                            *hits.entry(node(hit.triangle, hit.front)).or_insert(0) += 1;
+                            *hits.entry(side(part, hit.triangle, hit.front)).or_insert(0) += 1;
                         }
                     }
                 }
@@ -154,6 +185,7 @@ fn views(geometry: &Geometry, part: &[u32], parts: usize, node: impl Fn(u32, boo
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::memo::NoMemo;
     use crate::scene::geometry::{GeometryBuilder, Mesh};
     use glam::{Mat4, Vec3};
 
@@ -189,7 +221,7 @@ mod tests {
             cube(Vec3::new((i % 55) as f32 * 1.5, 0.3, (i / 55) as f32 * 1.5), Vec3::ONE);
         }
         let geometry = builder.finish(vec!["stone".into()]).expect("triangles");
-        let live = live_sides(&geometry, &[geometry.surface_point(12, 0.3, 0.3, true)]);
+        let live = live_sides(&geometry, &[geometry.surface_point(12, 0.3, 0.3, true)], &NoMemo).expect("sides");
         assert!(live.iter().all(|&sides| sides & 1 == 1), "all fronts are live");
         // Rays that start within the lift of an edge may slip out of a box.
         let backs = live.iter().filter(|&&sides| sides & 2 != 0).count();

@@ -1,7 +1,6 @@
 //! Edits sampled at keyframes: exact at their keys, blended between them, carried by surfaces, honest about what was hidden.
 
 use super::*;
-use chiaro::image::Image;
 use std::sync::Arc;
 
 const WALL: usize = 1;

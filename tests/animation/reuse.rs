@@ -48,6 +48,74 @@ fn only_what_a_frame_changes_is_computed() {
     assert_eq!(second(&Glb::room(), [1, 2]), all([None, None, None, old]), "nothing moves");
 }
 
+/// Rays in all, rays kept from the frame before, rows found, and the picture, at a frame.
+fn lit(stage: &Stage, plan: &Plan, frame: i64) -> ([u64; 3], Vec<u32>) {
+    let (value, report) = stage.run(plan, "lit", frame).unwrap();
+    let Value::Image(image) = value else { panic!("a picture") };
+    let transfer = report.iter().find(|node| node.node == "xfer").unwrap();
+    let note = |name: &str| transfer.notes.get(name).map_or(0, |value| value.as_u64().unwrap());
+    (["rays", "rays_kept", "rows_found"].map(note), bits(&image))
+}
+
+fn bits(image: &Image) -> Vec<u32> {
+    image.layers.iter().flat_map(|layer| layer.data.iter().map(|x| x.to_bits())).collect()
+}
+
+/// Most rays meet what they met before; light is that of a fresh start, bit by bit.
+#[test]
+fn rays_are_cast_anew_only_as_far_as_something_moved() {
+    let slide = Glb::room().animate("slide", 1, "translation", 3, &[0.0, 1.0], &[0.0, 2.0, -2.0, 0.25, 2.0, -1.5]);
+    let turn = std::f32::consts::FRAC_1_SQRT_2;
+    let spin = Glb::room().animate("spin", 1, "rotation", 4, &[0.0, 1.0], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, turn, turn]);
+    for (name, glb, basis) in [("slides", &slide, "cut"), ("spins", &spin, "cut"), ("slides", &slide, "haar")] {
+        let recipe = |stage: &Stage| {
+            stage.plan(json!({
+                "room": { "type": "scene", "params": { "file": "room.glb" } },
+                "view": { "type": "view_samples", "params": { "width": 48, "height": 36 }, "inputs": { "scene": "room" } },
+                "xfer": { "type": "transfer",
+                          "params": { "gather_samples": 1024, "tolerance": 0.1, "bounces": 2, "basis": basis },
+                          "inputs": { "scene": "room", "samples": "view" } },
+                "lit": { "type": "relight", "inputs": { "scene": "room", "transfer": "xfer" } },
+            }))
+        };
+        let stage = Stage::new(glb);
+        let plan = recipe(&stage);
+        let ([_, kept, _], first) = lit(&stage, &plan, 3);
+        assert_eq!(kept, 0, "there was nothing before");
+        for frame in [4, 20, 8] {
+            let ([rays, kept, _], picture) = lit(&stage, &plan, frame);
+            println!("the wall {name}, {basis}: {kept} of {rays} rays kept");
+            assert!(5 * kept > rays && kept < rays, "{kept} of {rays}");
+            assert_ne!(picture, first, "light changes");
+            let fresh = Stage::new(glb);
+            assert_eq!(lit(&fresh, &recipe(&fresh), frame).1, picture, "bit by bit what a fresh start gives");
+        }
+    }
+}
+
+/// Under a camera that moves, light goes on from surface to surface as it did.
+#[test]
+fn what_only_the_camera_changes_is_the_view() {
+    let glb = Glb::room().animate("dolly", 2, "translation", 3, &[0.0, 1.0], &[0.0, 1.5, 4.0, 0.5, 1.5, 4.0]);
+    let recipe = |stage: &Stage| {
+        stage.plan(json!({
+            "room": { "type": "scene", "params": { "file": "room.glb" } },
+            "view": { "type": "view_samples", "params": { "width": 48, "height": 36 }, "inputs": { "scene": "room" } },
+            "xfer": { "type": "transfer", "params": { "gather_samples": 1024, "tolerance": 0.1, "bounces": 2 },
+                      "inputs": { "scene": "room", "samples": "view" } },
+            "lit": { "type": "relight", "inputs": { "scene": "room", "transfer": "xfer" } },
+        }))
+    };
+    let stage = Stage::new(&glb);
+    let plan = recipe(&stage);
+    let ([all, ..], first) = lit(&stage, &plan, 3);
+    let ([rays, _, found], picture) = lit(&stage, &plan, 9);
+    assert!(rays < all && found == 1024, "{rays} of {all} rays, {found} rows found");
+    assert_ne!(picture, first);
+    let fresh = Stage::new(&glb);
+    assert_eq!(lit(&fresh, &recipe(&fresh), 9).1, picture, "bit by bit what a fresh start gives");
+}
+
 /// The scene of a wall behind a floor, and a panel far to the side, which moves.
 fn with_panel(moves: bool) -> Glb {
     let mut glb = Glb::room();
@@ -65,7 +133,7 @@ fn shaded(stage: &Stage, plan: &Plan, frame: i64) -> ([u64; 2], Vec<u32>) {
     let Value::Image(image) = value else { panic!("a picture") };
     let seen = report.iter().find(|node| node.node == "seen").unwrap();
     let tiles = ["tiles_found", "tiles_computed"].map(|name| seen.notes[name].as_u64().unwrap());
-    (tiles, image.layers.iter().flat_map(|layer| layer.data.iter().map(|x| x.to_bits())).collect())
+    (tiles, bits(&image))
 }
 
 /// A panel to the side moves: only faces that look that way are drawn again, and the picture is that of a fresh start.

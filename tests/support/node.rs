@@ -37,7 +37,7 @@ pub fn run_at(kind: &str, params: Json, inputs: &[(&str, Value)], at: At) -> Res
         let (_, value) = inputs.iter().find(|(port, _)| *port == name)?;
         Some((value.clone(), [Key::of(&[b"input"]); 4]))
     };
-    let values = node_type.info.inputs.iter().map(|port| value(port.name)).collect();
+    let values: Vec<Option<(Value, [Key; 4])>> = node_type.info.inputs.iter().map(|port| value(port.name)).collect();
     let notes = Mutex::default();
     let job = Job {
         device: &Device::Cpu,
@@ -53,7 +53,8 @@ pub fn run_at(kind: &str, params: Json, inputs: &[(&str, Value)], at: At) -> Res
         part: None,
         notes: &notes,
     };
-    let values = node.run(&Inputs { info: node_type.info, values, at_frames: Vec::new() }, &job)?;
+    let connected = values.iter().map(Option::is_some).collect();
+    let values = node.run(&Inputs { info: node_type.info, values, at_frames: Vec::new(), connected }, &job)?;
     Ok(Ran { values, notes: notes.into_inner().unwrap() })
 }
 

@@ -13,6 +13,10 @@ fn seen(scene: &Scene, width: u32, height: u32) -> Array<SurfacePoint> {
     visible.points.into()
 }
 
+fn live(geometry: &Geometry, points: &[SurfacePoint]) -> Vec<u8> {
+    sides::live_sides(geometry, points, &NoMemo).unwrap()
+}
+
 fn same_point(a: &SurfacePoint, b: &SurfacePoint) -> bool {
     (a.object, a.material, a.triangle) == (b.object, b.material, b.triangle)
         && close(&a.position, &b.position)
@@ -87,8 +91,8 @@ pub fn lights(devices: &Devices) -> Outcome {
 pub fn pairs(devices: &Devices) -> Outcome {
     let scene = room();
     let points = seen(&scene, 13, 11);
-    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
-        .map_err(|error| error.to_string())?;
+    let gather =
+        Gather::place(&scene.geometry, &live(&scene.geometry, &points), 1 << 10).map_err(|error| error.to_string())?;
     let run = |device| transfer_points(device, &scene.geometry, &gather, &points).map_err(|error| error.to_string());
     let cpu = run(&Device::Cpu)?;
     if cpu.weights.iter().all(|&weight| weight == 0.0) {
@@ -104,12 +108,12 @@ pub fn pairs(devices: &Devices) -> Outcome {
 pub fn rows(devices: &Devices) -> Outcome {
     let scene = room();
     let points = seen(&scene, 29, 23);
-    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
-        .map_err(|error| error.to_string())?;
+    let gather =
+        Gather::place(&scene.geometry, &live(&scene.geometry, &points), 1 << 10).map_err(|error| error.to_string())?;
     let seeds: Array<u32> = (0..points.len() as u32).map(sampling::hash).collect::<Vec<_>>().into();
     for (rays, credit) in [(1, 0.25), (64, 0.25), (100, 0.0), (257, 4.0)] {
         let run = |device| {
-            transfer_rows(device, &scene.geometry, &gather, &points, &seeds, rays, credit)
+            transfer_rows(device, &scene.geometry, &gather, &points, &seeds, rays, credit, None)
                 .map_err(|error| error.to_string())
         };
         let cpu = run(&Device::Cpu)?;
@@ -134,8 +138,8 @@ pub fn rows(devices: &Devices) -> Outcome {
 pub fn behind(devices: &Devices) -> Outcome {
     let scene = room();
     let points = seen(&scene, 29, 23);
-    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
-        .map_err(|error| error.to_string())?;
+    let gather =
+        Gather::place(&scene.geometry, &live(&scene.geometry, &points), 1 << 10).map_err(|error| error.to_string())?;
     let seeds: Array<u32> = (0..points.len() as u32).map(sampling::hash).collect::<Vec<_>>().into();
     let some: Array<u32> = (0..2 * gather.count() as u32).map(|node| node % 3).collect::<Vec<_>>().into();
     let all: Array<u32> = vec![1; 2 * gather.count()].into();
@@ -166,8 +170,8 @@ pub fn behind(devices: &Devices) -> Outcome {
 pub fn gloss(devices: &Devices) -> Outcome {
     let scene = room();
     let points = seen(&scene, 29, 23);
-    let gather = Gather::place(&scene.geometry, &sides::live_sides(&scene.geometry, &points), 1 << 10)
-        .map_err(|error| error.to_string())?;
+    let gather =
+        Gather::place(&scene.geometry, &live(&scene.geometry, &points), 1 << 10).map_err(|error| error.to_string())?;
     let seeds: Array<u32> = (0..points.len() as u32).map(sampling::hash).collect::<Vec<_>>().into();
     let lobes = [(0.1, 64, 0.25), (0.3, 100, 0.0), (1.0, 257, 4.0), (0.6, 1, 0.25)];
     for ((alpha, rays, credit), blinn) in lobes.into_iter().flat_map(|lobe| [(lobe, false), (lobe, true)]) {

@@ -214,6 +214,7 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
                 })
                 .collect(),
             at_frames: Vec::new(),
+            connected: step.inputs.iter().map(Option::is_some).collect(),
         };
         let job = Job {
             device: evaluator.device(),

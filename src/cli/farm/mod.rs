@@ -46,6 +46,9 @@ struct Batch {
     /// Set a parameter, as in bleed.brightness=2.5
     #[arg(long = "set", value_name = "NODE.PARAM=JSON")]
     sets: Vec<String>,
+    /// Leave frames out whose files are there when their task starts
+    #[arg(long)]
+    skip_existing: bool,
     /// Where to write the job [default: stdout]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -62,6 +65,7 @@ struct Job {
     precompute: Vec<i64>,
     /// `--node` and `--set`, as they were given.
     more: Vec<String>,
+    skip_existing: bool,
 }
 
 impl Args {
@@ -85,13 +89,15 @@ impl Batch {
         self.sets.iter().try_for_each(|argument| document.set(argument))?;
         let plan = Plan::new(&document, registry)?;
         let targets = plan.targets(&self.nodes)?;
-        let frames = match &self.frames {
+        let mut frames = match &self.frames {
             Some(list) => parse_frames(list)?,
             None => parse_frames(&format!("{}..{}", plan.frames[0], plan.frames[1]))?,
         };
         if frames.is_empty() {
             return Err(Error::usage("there is no frame to render", "name some with --frames"));
         }
+        // Their order is the engine's affair; a rising list is short.
+        frames.sort_unstable();
         let chunks: Vec<&[i64]> = frames.chunks(self.chunk_size as usize).collect();
         let precompute = shared::frames(&plan, &targets, &chunks)?;
         let named = |option: &str, values: &[String]| {
@@ -104,6 +110,7 @@ impl Batch {
             chunk_size: self.chunk_size,
             shards: self.shards,
             precompute,
+            skip_existing: self.skip_existing,
             more: [named("--node", &self.nodes), named("--set", &self.sets)].concat(),
             frames,
         })

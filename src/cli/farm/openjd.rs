@@ -23,8 +23,13 @@ fn description(job: &Job) -> Json {
     };
     let run = |more: &[&str]| {
         let fixed = ["render", "{{Param.Recipe}}", "--out", "{{Param.Out}}", "--cache", "{{Param.Cache}}"];
-        let rest = ["--progress", "openjd"].into_iter().chain(job.more.iter().map(String::as_str));
-        let arguments: Vec<&str> = fixed.into_iter().chain(more.iter().copied()).chain(rest).collect();
+        let rest = ["--progress", "openjd"].into_iter().chain(more.iter().copied());
+        let fixed = fixed.into_iter().chain(rest).map(str::to_owned);
+        let given = job.more.iter().enumerate().map(|(number, argument)| match is_format(argument) {
+            true => format!("{{{{Param.{}}}}}", argument_name(number)),
+            false => argument.clone(),
+        });
+        let arguments: Vec<String> = fixed.chain(given).collect();
         json!({ "actions": { "onRun": { "command": "{{Param.Chiaro}}", "args": arguments } } })
     };
     let shards = job.shards;
@@ -34,13 +39,14 @@ fn description(job: &Job) -> Json {
         "parameterSpace": { "taskParameterDefinitions": [{ "name": "Shard", "type": "INT", "range": format!("1-{shards}") }] },
         "script": run(&["--frames", &job.precompute_list(), "--shard", &format!("{{{{Task.Param.Shard}}}}/{shards}")]),
     });
+    let skip: &[&str] = if job.skip_existing { &["--skip-existing"] } else { &[] };
     let chunks = json!({ "defaultTaskCount": job.chunk_size, "rangeConstraint": "NONCONTIGUOUS" });
     let mut frames = json!({
         "name": "Frames",
         "parameterSpace": { "taskParameterDefinitions": [
             { "name": "Frame", "type": "CHUNK[INT]", "range": "{{Param.Frames}}", "chunks": chunks }
         ]},
-        "script": run(&["--frames", "{{Task.Param.Frame}}", "--skip-existing"]),
+        "script": run(&[&["--frames", "{{Task.Param.Frame}}"], skip].concat()),
     });
     let mut steps = Vec::new();
     if !job.precompute.is_empty() {
@@ -48,19 +54,40 @@ fn description(job: &Job) -> Json {
         frames["dependencies"] = json!([{ "dependsOn": "Precompute" }]);
     }
     steps.push(frames);
+    let text = |name: &str, default: &str, text: &str| json!({ "name": name, "type": "STRING", "default": default, "description": text });
+    let mut parameters = vec![
+        path("Recipe", "FILE", "IN", &job.recipe.display().to_string(), "The recipe"),
+        path("Out", "DIRECTORY", "OUT", "frames", "Where pictures go"),
+        path("Cache", "DIRECTORY", "INOUT", "cache", "What is precomputed; all workers share it"),
+        text("Frames", &job.frame_list(), "Frames to render"),
+        text("Chiaro", "chiaro", "The program"),
+    ];
+    let formats = job.more.iter().enumerate().filter(|(_, argument)| is_format(argument));
+    parameters.extend(formats.map(|(number, argument)| text(&argument_name(number), argument, "As it was given")));
     json!({
         "specificationVersion": "jobtemplate-2023-09",
         "extensions": ["TASK_CHUNKING"],
-        "name": job.name,
-        "parameterDefinitions": [
-            path("Recipe", "FILE", "IN", &job.recipe.display().to_string(), "The recipe"),
-            path("Out", "DIRECTORY", "OUT", "frames", "Where pictures go"),
-            path("Cache", "DIRECTORY", "INOUT", "cache", "What is precomputed; all workers share it"),
-            { "name": "Frames", "type": "STRING", "default": job.frame_list(), "description": "Frames to render" },
-            { "name": "Chiaro", "type": "STRING", "default": "chiaro", "description": "The program" },
-        ],
+        "name": name(&job.name),
+        "parameterDefinitions": parameters,
         "steps": steps,
     })
+}
+
+/// Engines would take it for an expression of theirs, and know no way to say that it is none.
+fn is_format(text: &str) -> bool {
+    text.contains("{{") || text.contains("}}")
+}
+
+/// The job parameter that carries such an argument: parameters' values are text as it is.
+fn argument_name(number: usize) -> String {
+    format!("Argument{}", number + 1)
+}
+
+/// Names have 64 characters at most, none of them a control character.
+fn name(of_recipe: &str) -> String {
+    let plain = of_recipe.replace("{{", "(").replace("}}", ")");
+    let short: String = plain.chars().filter(|c| !c.is_control()).take(64).collect();
+    if short.is_empty() { "chiaro".to_owned() } else { short }
 }
 
 fn yaml(json: &Json) -> Yaml {

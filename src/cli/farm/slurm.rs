@@ -4,6 +4,9 @@ use super::Job;
 use crate::cli::frames::format_frames;
 use std::fmt::Write;
 
+/// Tasks of an array: Slurm's own bound of their numbers is 1000.
+const ARRAY: usize = 1000;
+
 pub fn script(job: &Job) -> String {
     let chunks: Vec<String> = job.frames.chunks(job.chunk_size as usize).map(format_frames).collect();
     let more: String = job.more.iter().map(|argument| format!(" {}", quoted(argument))).collect();
@@ -14,8 +17,10 @@ pub fn script(job: &Job) -> String {
         r#"#!/bin/bash
 # Run this where sbatch is. CHIARO names the program, OUT and CACHE folders that all nodes see, SBATCH_ARGS more for sbatch.
 set -euo pipefail
+CHIARO="${{CHIARO:-chiaro}}"
+case "$CHIARO" in */*) CHIARO="$(realpath -- "$CHIARO")" ;; esac
 cd "$(dirname "${{BASH_SOURCE[0]}}")"
-export RECIPE={recipe} CHIARO="${{CHIARO:-chiaro}}" OUT="${{OUT:-$PWD/frames}}" CACHE="${{CACHE:-$PWD/cache}}"
+export RECIPE={recipe} CHIARO OUT="${{OUT:-$PWD/frames}}" CACHE="${{CACHE:-$PWD/cache}}"
 submit=(sbatch --parsable --export=ALL --chdir="$PWD")
 [ -z "${{SBATCH_ARGS:-}}" ] || read -ra more <<<"$SBATCH_ARGS" && submit+=(${{more[@]+"${{more[@]}}"}})"#
     );
@@ -33,18 +38,22 @@ exec {render} --frames {frames} --shard "$SLURM_ARRAY_TASK_ID/{shards}"{more}
 END
 )"#
         );
-        after = r#" --dependency="afterok:$precompute""#;
+        // Not `afterok`: frames compute what is missing. A cluster's name may come after the number.
+        after = r#" --dependency="afterany:${precompute%%;*}""#;
     }
-    let (count, list) = (chunks.len(), chunks.join(" "));
-    let _ = writeln!(
-        text,
-        r#"
+    let skip = if job.skip_existing { " --skip-existing" } else { "" };
+    for chunks in chunks.chunks(ARRAY) {
+        let (count, list) = (chunks.len(), chunks.join(" "));
+        let _ = writeln!(
+            text,
+            r#"
 "${{submit[@]}}" --job-name={name} --array=1-{count}{after} <<'END'
 #!/bin/bash
 chunks=({list})
-exec {render} --skip-existing --frames "${{chunks[SLURM_ARRAY_TASK_ID - 1]}}"{more}
+exec {render}{skip} --frames "${{chunks[SLURM_ARRAY_TASK_ID - 1]}}"{more}
 END"#
-    );
+        );
+    }
     text
 }
 

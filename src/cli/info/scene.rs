@@ -23,8 +23,19 @@ pub struct SceneInfo {
 #[derive(Serialize)]
 struct AnimationInfo {
     name: String,
-    /// First and last key, seconds.
-    span: [f32; 2],
+    /// First and last key, seconds; none when it makes no sense.
+    span: Option<[f32; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fault: Option<String>,
+}
+
+impl AnimationInfo {
+    fn text(&self) -> String {
+        match (&self.span, &self.fault) {
+            (Some([first, last]), _) => format!("{} ({first:.2} to {last:.2} s)", self.name),
+            (None, fault) => format!("{} (faulty: {})", self.name, fault.as_deref().unwrap_or("")),
+        }
+    }
 }
 
 /// # Errors
@@ -34,10 +45,11 @@ pub fn describe(path: &Path) -> Result<SceneInfo> {
     let rest = model.motion.pose(&Playing::default(), 0.0, 1.0);
     let (scene, _) = model.scene(path, &rest, Arc::new([]))?;
     let animations = model.motion.animations().map(|name| {
-        let playing = model.motion.play(&[globset::escape(name)])?;
-        Ok(AnimationInfo { name: name.to_owned(), span: playing.span.into() })
+        let playing = model.motion.play(path, &[globset::escape(name)]);
+        let fault = playing.as_ref().err().map(ToString::to_string);
+        AnimationInfo { name: name.to_owned(), span: playing.ok().map(|playing| playing.span.into()), fault }
     });
-    let animations = animations.collect::<Result<_>>()?;
+    let animations = animations.collect();
     let (low, high) = scene.geometry.bounds();
     Ok(SceneInfo {
         file: path.display().to_string(),
@@ -55,8 +67,7 @@ impl SceneInfo {
     pub fn text(&self) -> String {
         let [low, high] = self.bounds.map(|[x, y, z]| format!("{x:.2} {y:.2} {z:.2}"));
         let mut text = format!("{}: glTF, {} triangles, from {low} to {high} m\n", self.file, self.triangles);
-        let animations: Vec<String> =
-            self.animations.iter().map(|a| format!("{} ({:.2} to {:.2} s)", a.name, a.span[0], a.span[1])).collect();
+        let animations: Vec<String> = self.animations.iter().map(AnimationInfo::text).collect();
         let lists = [
             ("object", &self.objects),
             ("material", &self.materials),

@@ -4,7 +4,7 @@
 //! A file is read once (`Model`), and posed for each time that it is asked for. Read in part: emissive textures (their
 //! mean), roughness textures (their mean), alpha (all is solid; counted). Not read: normal and occlusion textures, other
 //! material extensions, orthographic cameras, Draco and meshopt compression (refused with a message), animation of
-//! anything but nodes and morph weights, point and line primitives (counted).
+//! anything but nodes and morph weights (counted), point and line primitives (counted).
 
 mod material;
 mod mesh;
@@ -22,7 +22,8 @@ use gltf::khr_lights_punctual::Kind;
 use gltf::material::AlphaMode;
 use material::Pictures;
 use mesh::Primitive;
-use sound::{check_accessors, check_json, json_part, percent_decoded};
+use sound::{check_accessors, check_json, json_part, percent_decoded, take_out_other_channels};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -37,6 +38,8 @@ pub struct Census {
     pub drawn_solid: usize,
     /// Materials that glow evenly with the mean of their emissive texture.
     pub averaged_emission: usize,
+    /// Animation channels of something else than nodes and morph weights.
+    pub other_channels: usize,
 }
 
 /// All that a file holds, not yet at any time.
@@ -85,6 +88,8 @@ pub const POSES: usize = 8;
 struct Opened {
     document: gltf::Document,
     buffers: Vec<gltf::buffer::Data>,
+    /// Channels that were taken out.
+    other_channels: usize,
 }
 
 const EXPORT_AGAIN: &str = "export it again as glTF 2.0";
@@ -98,12 +103,18 @@ impl Opened {
         let bytes =
             std::fs::read(path).map_err(|e| Error::file(path, e.to_string(), "check the path in the recipe"))?;
         // The importer skips text that it does not know; what cannot be read in full cannot be checked either.
-        check_json(path, &json_part(&bytes).map_err(|what| Error::file(path, what, EXPORT_AGAIN))?)?;
-        let gltf = gltf::Gltf::from_slice(&bytes).map_err(broken(path))?;
-        let (document, blob) = (gltf.document, gltf.blob);
+        let mut json = json_part(&bytes).map_err(|what| Error::file(path, what, EXPORT_AGAIN))?;
+        check_json(path, &json)?;
+        let other_channels = take_out_other_channels(&mut json);
+        let blob = match bytes.starts_with(b"glTF") {
+            true => gltf::binary::Glb::from_slice(&bytes).map_err(broken(path))?.bin.map(Cow::into_owned),
+            false => None,
+        };
+        let root = gltf::json::deserialize::from_value(json).map_err(|error| broken(path)(error.into()))?;
+        let document = gltf::Document::from_json(root).map_err(broken(path))?;
         let buffers = gltf::import_buffers(&document, path.parent(), blob).map_err(broken(path))?;
         check_accessors(path, &document, &buffers)?;
-        Ok(Self { document, buffers })
+        Ok(Self { document, buffers, other_channels })
     }
 }
 
@@ -128,9 +139,9 @@ impl Model {
     /// `File` for a missing, truncated or invalid file, an extension that is required and not read, numbers that make no
     /// sense.
     pub fn open(path: &Path) -> Result<Self> {
-        let Opened { document, buffers } = Opened::new(path)?;
+        let Opened { document, buffers, other_channels } = Opened::new(path)?;
         let motion = Motion::read(path, &document, &buffers)?;
-        let mut census = Census::default();
+        let mut census = Census { other_channels, ..Census::default() };
         let mut pictures = Pictures::new(path.parent(), &buffers);
         let mut materials: Vec<Material> =
             document.materials().map(|m| pictures.material(&m)).collect::<gltf::Result<_>>().map_err(broken(path))?;
@@ -192,10 +203,11 @@ impl Model {
         meshes + self.motion.bytes() + self.materials.iter().map(Material::bytes).sum::<u64>()
     }
 
-    /// Where surfaces are at times spread evenly over what is played; none when they never move.
+    /// Where surfaces are at times spread evenly over what is played; none when they never move. Times at which nothing is
+    /// there are left out.
     ///
     /// # Errors
-    /// As `scene`.
+    /// As `scene`, when that is so at all of them.
     pub fn poses(&self, path: &Path, playing: &Playing, scale: f32) -> Result<Arc<[Geometry]>> {
         if !self.motion.moves_surfaces(playing) {
             return Ok(Arc::new([]));
@@ -206,7 +218,11 @@ impl Model {
             let pose = self.motion.pose(playing, time, scale);
             self.geometry(path, &pose, true, &mut Census::default())
         };
-        (0..POSES).map(pose).collect::<Result<Vec<_>>>().map(Into::into)
+        let (there, faults): (Vec<_>, Vec<_>) = (0..POSES).map(pose).partition(Result::is_ok);
+        match faults.into_iter().next() {
+            Some(fault) if there.is_empty() => Err(fault.expect_err("parted")),
+            _ => Ok(there.into_iter().flatten().collect()),
+        }
     }
 
     /// The scene in a pose. `poses`: of the same surfaces at other times, if they move (`Geometry::poses`). `path` is

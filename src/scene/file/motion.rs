@@ -40,8 +40,8 @@ pub struct Motion {
     carries: Vec<Carries>,
     /// Joints of each skin.
     skins: Vec<Vec<usize>>,
-    /// Names, and the tracks of each.
-    animations: Vec<(String, Vec<Track>)>,
+    /// Names, and the tracks of each, or what is wrong with one of them.
+    animations: Vec<(String, std::result::Result<Vec<Track>, String>)>,
 }
 
 /// The tracks that are played.
@@ -74,7 +74,7 @@ pub struct Moments {
 }
 
 impl Motion {
-    /// Errors: nodes that form no tree or too deep a one, an animation that makes no sense.
+    /// Errors: nodes that form no tree or too deep a one.
     pub fn read(path: &Path, document: &gltf::Document, buffers: &[gltf::buffer::Data]) -> Result<Self> {
         let local = |node: gltf::Node| {
             let transform = Mat4::from_cols_array_2d(&node.transform().matrix());
@@ -113,12 +113,10 @@ impl Motion {
                 Track::read(&channel, buffers, motion.weights[node.index()].len()).map_err(|what| {
                     let node =
                         node.name().map_or_else(|| format!("node {}", node.index()), |name| format!("\"{name}\""));
-                    let found =
-                        format!("the {:?} of {node} in animation \"{name}\" {what}", channel.target().property());
-                    Error::file(path, found, "repair the animation in the program it came from, and export it again")
+                    format!("the {:?} of {node} in animation \"{name}\" {what}", channel.target().property())
                 })
             });
-            let tracks = tracks.collect::<Result<_>>()?;
+            let tracks = tracks.collect();
             motion.animations.push((name, tracks));
         }
         Ok(motion)
@@ -137,13 +135,17 @@ impl Motion {
     /// same property of a node, the first is played.
     ///
     /// # Errors
-    /// `Compute` for a pattern that matches nothing.
-    pub fn play(&self, patterns: &[String]) -> Result<Playing> {
+    /// `Compute` for a pattern that matches nothing, `File` for an animation that makes no sense.
+    pub fn play(&self, path: &Path, patterns: &[String]) -> Result<Playing> {
         let names: Vec<&str> = self.animations().collect();
         let wanted = chosen("animation", patterns, &names)?;
         let mut playing = Playing { span: (f32::INFINITY, f32::NEG_INFINITY), ..Playing::default() };
         let mut moved = HashSet::new();
         for (number, (name, tracks)) in self.animations.iter().enumerate().filter(|(number, _)| wanted[*number]) {
+            let tracks = tracks.as_ref().map_err(|what| {
+                let help = "repair it in the program it came from, or name others in `animations`";
+                Error::file(path, what.clone(), help)
+            })?;
             // All of it or nothing: half a walk is no walk.
             if tracks.iter().any(|track| moved.contains(&(track.node, track.property))) {
                 playing.left_out.push(name.clone());
@@ -157,7 +159,14 @@ impl Motion {
             }
             playing.names.push(name.clone());
         }
+        if playing.tracks.is_empty() {
+            playing.span = (0.0, 0.0);
+        }
         Ok(playing)
+    }
+
+    fn track(&self, animation: usize, track: usize) -> &Track {
+        &self.animations[animation].1.as_ref().expect("only sound ones are played")[track]
     }
 
     /// Where all is at a time (s); lengths are multiplied by `scale`.
@@ -165,12 +174,12 @@ impl Motion {
         let (mut local, mut weights) = (self.local.clone(), self.weights.clone());
         let mut moved = HashSet::new();
         for (animation, track) in &playing.tracks {
-            let track = &self.animations[*animation].1[*track];
+            let track = self.track(*animation, *track);
             let (value, local) = (track.at(time), &mut local[track.node]);
             match track.property {
                 Property::Translation => local.translation = Vec3::from_slice(&value),
                 Property::Scale => local.scale = Vec3::from_slice(&value),
-                Property::Rotation => local.rotation = Quat::from_slice(&value).normalize(),
+                Property::Rotation => local.rotation = turn(&value),
                 Property::Weights => {
                     weights[track.node] = value;
                     continue;
@@ -200,7 +209,7 @@ impl Motion {
     fn tracks_of_surfaces(&self, playing: &Playing) -> bool {
         let mut moved = vec![false; self.local.len()];
         for (animation, track) in &playing.tracks {
-            moved[self.animations[*animation].1[*track].node] = true;
+            moved[self.track(*animation, *track).node] = true;
         }
         // What hangs on something that moves moves, too.
         for (node, parent) in &self.tree {
@@ -239,9 +248,15 @@ impl Motion {
     }
 
     pub fn bytes(&self) -> u64 {
-        let tracks = self.animations.iter().flat_map(|(_, tracks)| tracks);
+        let tracks = self.animations.iter().flat_map(|(_, tracks)| tracks).flatten();
         tracks.map(Track::bytes).sum::<u64>() + 256 * self.local.len() as u64
     }
+}
+
+/// A spline may pass through no direction at all.
+fn turn(value: &[f32]) -> Quat {
+    let turn = Quat::from_slice(value);
+    if turn.length_squared() > 1e-12 { turn.normalize() } else { Quat::IDENTITY }
 }
 
 /// Of the morph targets of a node's mesh: the node's, the mesh's, or 0.

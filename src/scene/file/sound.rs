@@ -97,15 +97,8 @@ pub fn check_json(path: &Path, json: &Json) -> Result<()> {
     let nodes = list("/nodes").count() as u64;
     for (index, animation) in list("/animations").enumerate() {
         for target in animation["channels"].as_array().into_iter().flatten().map(|channel| &channel["target"]) {
-            let (node, property) = (target["node"].as_u64(), target["path"].as_str().unwrap_or(""));
-            if node.is_some_and(|node| node >= nodes) {
+            if target["node"].as_u64().is_some_and(|node| node >= nodes) {
                 return Err(damaged(path, format!("animation {index} moves node {} of {nodes}", target["node"])));
-            }
-            if node.is_none() || !["translation", "rotation", "scale", "weights"].contains(&property) {
-                let what =
-                    format!("animation {index} moves something else than nodes (\"{property}\"), which is not read");
-                let help = "export it without: only nodes and the weights of morph targets may move";
-                return Err(Error::file(path, what, help));
             }
         }
     }
@@ -122,6 +115,24 @@ pub fn check_json(path: &Path, json: &Json) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Takes out what animates something else than nodes and the weights of morph targets (materials, lights, lenses:
+/// KHR_animation_pointer), as readers that do not know it are meant to; how many channels that were.
+pub fn take_out_other_channels(json: &mut Json) -> usize {
+    let mut count = 0;
+    let moves_a_node = |channel: &Json| {
+        let target = &channel["target"];
+        let property = target["path"].as_str().unwrap_or("");
+        target["node"].is_u64() && ["translation", "rotation", "scale", "weights"].contains(&property)
+    };
+    for animation in json.get_mut("animations").and_then(Json::as_array_mut).into_iter().flatten() {
+        let Some(channels) = animation.get_mut("channels").and_then(Json::as_array_mut) else { continue };
+        let all = channels.len();
+        channels.retain(moves_a_node);
+        count += all - channels.len();
+    }
+    count
 }
 
 fn damaged(path: &Path, what: String) -> Error {

@@ -63,8 +63,12 @@ impl Track {
         if found != expected {
             return Err(format!("has {found} numbers for {} keys, expected {expected}", self.times.len()));
         }
-        match self.times.iter().chain(&self.values).position(|number| !number.is_finite()) {
-            Some(_) => Err("has a time or a value that is not finite".to_owned()),
+        if self.times.iter().chain(&self.values).any(|number| !number.is_finite()) {
+            return Err("has a time or a value that is not finite".to_owned());
+        }
+        let no_turn = |key: &usize| self.value(*key).iter().all(|x| x.abs() < 1e-6);
+        match (0..self.times.len()).find(no_turn).filter(|_| self.property == Property::Rotation) {
+            Some(key) => Err(format!("has no direction at key {key}")),
             None => Ok(self),
         }
     }
@@ -170,5 +174,8 @@ mod tests {
         assert!(fault(&[0.0, 1.0], &[1.0]).contains("1 numbers for 2 keys, expected 2"));
         assert!(fault(&[0.0, 1.0], &[1.0, f32::NAN]).contains("not finite"));
         assert!(fault(&[], &[]).contains("nothing"));
+        let turns = [[0.0, 0.0, 0.0, 1.0], [0.0; 4]].concat();
+        let fault = track(Property::Rotation, Interpolation::Linear, &[0.0, 1.0], &turns).unwrap_err();
+        assert!(fault.contains("no direction at key 1"), "{fault}");
     }
 }
