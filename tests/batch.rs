@@ -134,8 +134,14 @@ fn shards_want_a_cache_and_make_sense() {
         let (code, said) = code(&["--cache", cache, "--shard", part]);
         assert!(code == Some(2) && said.contains("--shard") && said.contains("I/N"), "{part}: {said}");
     }
-    let (code, said) = code(&["--no-cache", "--shard", "1/2"]);
-    assert!(code == Some(2) && said.contains("--no-cache"), "{said}");
+    let (exit, said) = code(&["--no-cache", "--shard", "1/2"]);
+    assert!(exit == Some(2) && said.contains("--no-cache"), "{said}");
+    // What is left nowhere was done for nothing.
+    let (exit, said) = code(&["--cache", cache, "--cache-size", "1K", "--shard", "1/2"]);
+    assert!(
+        exit == Some(1) && said.contains("larger than the cache may be") && said.contains("--cache-size"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -113,6 +113,25 @@ fn what_frames_do_not_share_is_not_precomputed() {
     }
 }
 
+/// More tasks than an array may have are several arrays, and none is lost.
+#[test]
+fn long_batches_are_cut() {
+    let bench = Bench::new(LAMP);
+    let text = bench.farm("slurm", &["--frames", "1-2500", "--chunk-size", "1", "--skip-existing"]);
+    assert_eq!(text.matches("--array=1-1000 ").count(), 2, "{text}");
+    assert_eq!(text.matches("--array=1-500 ").count(), 1);
+    assert_eq!(text.matches(" --skip-existing --frames").count(), 3);
+    let frames: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("chunks=(")).collect();
+    let frames: Vec<i64> =
+        frames.iter().flat_map(|list| list[..list.len() - 1].split(' ')).map(|n| n.parse().unwrap()).collect();
+    assert_eq!(frames, (1..=2500).collect::<Vec<_>>());
+    // Every other frame of a thousand is still a short list.
+    let text = bench.farm("openjd", &["--frames", "-11-2001x2"]);
+    let job = &YamlLoader::load_from_str(&text).unwrap()[0];
+    assert_eq!(job["parameterDefinitions"][3]["default"].as_str(), Some("-11-2001:2"));
+    assert!(!text.contains("--skip-existing"));
+}
+
 #[test]
 fn a_job_beside_its_recipe_names_it_by_name() {
     let bench = Bench::new(LAMP);
@@ -176,6 +195,48 @@ fn openjd_runs_it_and_the_frames_are_those_of_a_plain_render() {
     assert!(plain.len() == 4 && files(&bench.path("out")) == plain, "other frames, {ran}");
 }
 
+/// Names and arguments that the engine would read as expressions, frames below zero, steps.
+#[test]
+fn openjd_takes_odd_names_arguments_and_frames() {
+    let python = std::env::var("CHIARO_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let openjd = |arguments: &[&str]| Command::new(&python).args(["-m", "openjd"]).args(arguments).output();
+    if !openjd(&["--version"]).is_ok_and(|output| output.status.success()) {
+        use std::io::Write;
+        let _ =
+            writeln!(std::io::stderr(), "\nSKIPPED: {python} has no openjd-cli (pip install, or set CHIARO_PYTHON)");
+        return;
+    }
+    let bench = Bench::new(LAMP);
+    let recipe = std::fs::read_to_string(bench.path("it's a recipe.json")).unwrap();
+    let odd = bench.path(&format!("{{{{odd}}}} {}.json", "long ".repeat(20)));
+    std::fs::write(&odd, recipe.replace("lit.####.exr", "a{{b}}/lit.####.exr")).unwrap();
+    let job = bench.path("job.yaml");
+    let file = r#"out.file="c{{Param.Out}}/lit.####.exr""#;
+    let fixed = ["farm", "openjd", odd.to_str().unwrap(), "--frames", "-3-5x4,7", "--chunk-size", "1", "--shards", "1"];
+    let output = bench.chiaro(&[&fixed[..], &["--set", file, "-o", job.to_str().unwrap()]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let parameter = |name: &str, value: &Path| format!("{name}={}", value.display());
+    let chiaro = parameter("Chiaro", &assert_cmd::cargo::cargo_bin("chiaro"));
+    let [out, cache] = [parameter("Out", &bench.path("out")), parameter("Cache", &bench.path("cache"))];
+    let ran = openjd(&[
+        "run",
+        job.to_str().unwrap(),
+        "--step",
+        "Frames",
+        "--run-dependencies",
+        "-p",
+        &chiaro,
+        "-p",
+        &out,
+        "-p",
+        &cache,
+    ]);
+    let ran = ran.unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stdout));
+    let names: Vec<String> = files(&bench.path("out/c{{Param.Out}}")).into_keys().collect();
+    assert_eq!(names, ["lit.-0003.exr", "lit.0001.exr", "lit.0005.exr", "lit.0007.exr"]);
+}
+
 /// Slurm's part is played by a stand-in that runs each task of an array, and refuses to run what depends on nothing it knows.
 #[cfg(unix)]
 #[test]
@@ -200,24 +261,27 @@ fn the_script_for_slurm_submits_both_arrays_and_gives_the_same_frames() {
 set -eu
 for option; do case "$option" in
     --array=1-*) last="${option#--array=1-}" ;;
-    --dependency=afterok:*) grep -qx "${option#--dependency=afterok:}" "$LOG.done" ;;
+    --dependency=afterany:*) grep -qx "${option#--dependency=afterany:}" "$LOG.done" ;;
 esac; done
 echo "$*" >>"$LOG"
 cat >"$LOG.script"
 for i in $(seq "$last"); do SLURM_ARRAY_TASK_ID=$i bash "$LOG.script" >&2; done
-number=$(wc -l <"$LOG"); echo "$number" >>"$LOG.done"; echo "$number"
+number=$(wc -l <"$LOG"); echo "$number" >>"$LOG.done"; echo "$number;night"
 "#;
     std::fs::create_dir(bench.path("bin")).unwrap();
     let sbatch = bench.path("bin/sbatch");
     std::fs::write(&sbatch, stand_in).unwrap();
     std::fs::set_permissions(&sbatch, std::fs::Permissions::from_mode(0o755)).unwrap();
+    // A program that is named from where the script is started.
+    std::os::unix::fs::symlink(assert_cmd::cargo::cargo_bin("chiaro"), bench.path("bin/chiaro")).unwrap();
     let path = format!("{}:{}", bench.path("bin").display(), std::env::var("PATH").unwrap());
     let log = bench.path("log");
     let output = Command::new("bash")
         .arg(&script)
         .env("PATH", path)
         .env("LOG", &log)
-        .env("CHIARO", assert_cmd::cargo::cargo_bin("chiaro"))
+        .env("CHIARO", "./chiaro")
+        .current_dir(bench.path("bin"))
         .env("OUT", bench.path("out"))
         .env("SBATCH_ARGS", "--partition=night --mem=4G")
         .output()
@@ -225,7 +289,7 @@ number=$(wc -l <"$LOG"); echo "$number" >>"$LOG.done"; echo "$number"
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let submitted = std::fs::read_to_string(log).unwrap();
     let [first, second] = submitted.lines().collect::<Vec<_>>()[..] else { panic!("two arrays: {submitted}") };
-    assert!(first.contains("--array=1-2") && second.contains("--array=1-2 --dependency=afterok:1"), "{submitted}");
+    assert!(first.contains("--array=1-2") && second.ends_with("--array=1-2 --dependency=afterany:1"), "{submitted}");
     assert!(second.contains("--partition=night --mem=4G"), "{submitted}");
     assert!(files(&bench.path("out")) == bench.plain());
 }

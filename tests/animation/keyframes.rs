@@ -77,6 +77,30 @@ fn at_its_key_an_edit_is_what_was_sampled_there() {
     assert!(off(&indirect(&stage, &plan, "lit", 1), &indirect(&stage, &plan, "plain", 1)) > 0.01, "it does something");
 }
 
+/// Of many keyframes only those before and after are sampled.
+#[test]
+fn keyframes_far_away_are_not_asked_for() {
+    let stage = Stage::new(&slide(PANEL, [-1.0, 1.0, 0.5], [1.0, 1.5, 0.5]));
+    let mut recipe = nodes("panel", json!(2.0));
+    recipe["keyed"]["params"]["frames"] = json!([1, 9, 17, 21]);
+    for port in ["b", "c", "d"] {
+        recipe["keyed"]["inputs"][port] = json!("a");
+    }
+    let plan = stage.plan(recipe.clone());
+    for (frame, sampled) in [(11, vec![9, 17]), (21, vec![21]), (30, vec![21]), (-3, vec![1])] {
+        let fresh = Stage::new(&slide(PANEL, [-1.0, 1.0, 0.5], [1.0, 1.5, 0.5]));
+        let (_, report) = fresh.run(&fresh.plan(recipe.clone()), "keyed", frame).unwrap();
+        let mut frames: Vec<i64> = report.iter().filter(|node| node.node == "a").map(|node| node.frame).collect();
+        frames.sort_unstable();
+        assert_eq!(frames, sampled, "frame {frame}");
+    }
+    // One that is not connected is missed at all frames, also where it is not asked for.
+    recipe["keyed"]["inputs"].as_object_mut().unwrap().remove("d");
+    let error = stage.run(&stage.plan(recipe), "keyed", 2).unwrap_err();
+    assert!(error.to_string().contains("frames names 4 keyframes, connected are: a, b, c"), "{error}");
+    assert_eq!(note(&stage, &plan, 21, "disoccluded"), 0.0);
+}
+
 /// A held frame is the same whether it is computed alone or after its key: both have one key in the cache.
 #[test]
 fn held_frames_do_not_depend_on_what_was_computed_before() {

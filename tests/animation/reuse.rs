@@ -48,6 +48,28 @@ fn only_what_a_frame_changes_is_computed() {
     assert_eq!(second(&Glb::room(), [1, 2]), all([None, None, None, old]), "nothing moves");
 }
 
+/// A curve may turn time itself: it counts by the moment that it leads to.
+#[test]
+fn time_that_stands_still_is_no_change() {
+    let glb = Glb::room().animate("slide", 1, "translation", 3, &[0.0, 1.0], &[0.0, 2.0, -2.0, 0.25, 2.0, -1.5]);
+    let stage = Stage::new(&glb);
+    // Frames 1 to 10 all show the file at frame 12, later ones go on.
+    let offset = json!({ "keys": [[1, 11], [10, 2]] });
+    let plan = stage.plan(json!({
+        "room": { "type": "scene", "params": { "file": "room.glb", "offset": offset } },
+        "view": { "type": "view_samples", "params": { "width": 16, "height": 12 }, "inputs": { "scene": "room" } },
+    }));
+    let uses = |frame: i64| {
+        let (_, report) = stage.run(&plan, "view", frame).unwrap();
+        report.iter().map(|node| node.cache).collect::<Vec<_>>()
+    };
+    assert_eq!(uses(1), [CacheUse::Computed; 2]);
+    for frame in [4, 10] {
+        assert_eq!(uses(frame), [CacheUse::Memory], "frame {frame}");
+    }
+    assert_eq!(uses(11), [CacheUse::Computed; 2]);
+}
+
 /// Rays in all, rays kept from the frame before, rows found, and the picture, at a frame.
 fn lit(stage: &Stage, plan: &Plan, frame: i64) -> ([u64; 3], Vec<u32>) {
     let (value, report) = stage.run(plan, "lit", frame).unwrap();
