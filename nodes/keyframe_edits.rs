@@ -131,6 +131,9 @@ impl Node for KeyframeEdits {
                 let (sampled, told) = carry(&geometry, transfer, &keys, settings)?;
                 job.note("rows", told.rows);
                 job.note("disoccluded", told.disoccluded);
+                if !told.of_other_samples.is_empty() {
+                    job.note("keyframes_of_other_gather_samples", told.of_other_samples);
+                }
                 for (frame, unseen, nothing) in told.keys {
                     job.note(&format!("not_seen_at_{frame}"), unseen);
                     job.note(&format!("objects_not_seen_at_{frame}"), nothing);

@@ -142,12 +142,12 @@ fn a_forged_file_is_refused_with_what_is_wrong() {
         ("unknown field", |h, _| h["comment"] = json!("hello")),
         ("missing field `origin`", |h, _| _ = h.as_object_mut().unwrap().remove("origin")),
         ("expected a power of two", |h, _| h["origin"]["gather_samples"] = json!(1u64 << 40)),
-        ("gather.triangle: 512 elements, expected 1024", |h, _| h["origin"]["gather_samples"] = json!(1024)),
+        ("gather.side: 512 elements, expected 1024", |h, _| h["origin"]["gather_samples"] = json!(1024)),
         ("expected 1 to 2^31", |h, _| h["origin"]["width"] = json!(1u64 << 40)),
         ("view.side: 768 elements", |h, _| h["origin"]["height"] = json!(25)),
         ("view sample 3 is on side 4294967294", |h, b| poke(h, b, "view.side", 3, u32::MAX - 1)),
         ("view.barycentrics: element 1 is", |h, b| poke(h, b, "view.barycentrics", 2, f32::NAN.to_bits())),
-        ("is on triangle 4294967295", |h, b| poke(h, b, "gather.triangle", 7, u32::MAX)),
+        ("gather sample 7 is on side 4294967295", |h, b| poke(h, b, "gather.side", 7, u32::MAX)),
         ("view.normal: element 2 is", |h, b| poke(h, b, "view.normal", 6, f32::NAN.to_bits())),
         ("source.scale: element 1 is", |h, b| poke(h, b, "source.scale", 4, f32::INFINITY.to_bits())),
         ("weights: element 0 is", |h, b| poke(h, b, "weights", 3, f32::NEG_INFINITY.to_bits())),
@@ -170,14 +170,14 @@ fn a_forged_file_is_refused_with_what_is_wrong() {
 fn other_files_and_newer_versions_are_told_apart() {
     let folder = tempfile::tempdir().unwrap();
     let mut newer = ROOM.bytes.clone();
-    newer[8] = 3;
+    newer[8] = 4;
     let mut older = ROOM.bytes.clone();
-    older[8] = 1;
+    older[8] = 2;
     let mut text_mode = ROOM.bytes.clone();
     text_mode.remove(6);
     for (bytes, words, help) in [
-        (&newer[..], "version 3 of sampled edits; this program reads version 2", "newer chiaro"),
-        (&older, "version 1 of sampled edits; this program reads version 2", "write the edits anew"),
+        (&newer[..], "version 4 of sampled edits; this program reads version 3", "newer chiaro"),
+        (&older, "version 2 of sampled edits; this program reads version 3", "write the edits anew"),
         (&text_mode, "no file of sampled edits", "read_edits"),
         (b"\x89PNG\r\n\x1a\n and so on and on", "no file of sampled edits", "read_image"),
         (b"", "0 bytes are too few", "write_edits"),

@@ -17,7 +17,7 @@ UNTOUCHED = 0xFFFFFFFF
 def read(path):
     data = open(path, "rb").read()
     magic, version, length, crc = struct.unpack_from("<8sIII", data)
-    assert magic == b"\x89edits\r\n" and version == 2, "not a file of sampled edits of version 2"
+    assert magic == b"\x89edits\r\n" and version == 3, "not a file of sampled edits of version 3"
     header = data[20 : 20 + length]
     assert zlib.crc32(data[:16] + header) == crc, "the header is damaged"
     header = json.loads(header)

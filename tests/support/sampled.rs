@@ -17,7 +17,7 @@ pub fn untouched(geometry: &Geometry, transfer: &Transfer) -> Parts {
     Parts {
         origin: Origin::of(geometry, transfer),
         view: ViewPlaces::of(geometry, &transfer.samples),
-        gather: GatherPlaces::of(transfer),
+        gather: GatherPlaces::of(geometry, transfer),
         source: Vectors::default(),
         eye: Vectors::default(),
         touched: vec![].into(),

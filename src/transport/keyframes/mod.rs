@@ -1,6 +1,7 @@
 //! Edits that were sampled at keyframes, carried to another frame (thesis 5.3.4, 5.5.3, figure 5.5).
 //!
-//! Gather samples have the same addresses on surfaces at every frame, so columns stay columns. View samples of a keyframe
+//! Gather samples have the same addresses on surfaces at every frame, so columns stay columns (where the view makes it see
+//! other sides of surfaces they do not: `columns`). View samples of a keyframe
 //! move with the surfaces that they lie on; a view sample `v` of this frame takes from the three nearest of them
 //! (`reproject`), by barycentric weights `b`, and then from both keyframes by the weights `t` of time:
 //!
@@ -10,6 +11,7 @@
 //!
 //! Rows are wanted where the transfer of this frame has its own, for each of its rows once (`rows`).
 
+mod columns;
 mod reproject;
 mod rows;
 
@@ -49,15 +51,28 @@ pub struct Told {
     /// Share of the samples on surfaces that no keyframe saw.
     pub disoccluded: f64,
     pub rows: usize,
+    /// Keyframes whose gather samples are not this frame's.
+    pub of_other_samples: Vec<i64>,
     /// Of each view sample how much of its edits is filled in from elsewhere, [0, 1].
     pub filled: Vec<f32>,
 }
 
 /// # Errors
-/// `Compute` for edits of another scene, or of other gather samples.
+/// `Compute` for edits of another scene.
 pub fn carry(geometry: &Geometry, transfer: &Transfer, keys: &[Key], settings: Settings) -> Result<(Sampled, Told)> {
     let origin = Origin::of(geometry, transfer);
     keys.iter().try_for_each(|key| check(key, &origin))?;
+    let limits = (settings.tolerance, settings.coefficients);
+    let moved = keys.iter().map(|key| match key.sampled {
+        Some(sampled) if !columns::are_the_same(&sampled.origin, &origin) => {
+            columns::carried(geometry, transfer, sampled, limits).map(Some)
+        }
+        _ => Ok(None),
+    });
+    let moved: Vec<Option<Sampled>> = moved.collect::<Result<_>>()?;
+    let keys: Vec<Key> =
+        keys.iter().zip(&moved).map(|(key, moved)| Key { sampled: moved.as_ref().or(key.sampled), ..*key }).collect();
+    let keys = &keys[..];
     let samples = &transfer.samples;
     let reaches: Vec<Vec<Reach>> = keys
         .iter()
@@ -68,11 +83,13 @@ pub fn carry(geometry: &Geometry, transfer: &Transfer, keys: &[Key], settings: S
         .collect();
     let view = View { keys, reaches: &reaches };
     let rows = rows::rows(transfer, &view, settings)?;
-    let told = view.tell(rows.scales.rows() / 3);
+    let other = keys.iter().zip(&moved).filter(|(_, moved)| moved.is_some());
+    let told =
+        Told { of_other_samples: other.map(|(key, _)| key.frame).collect(), ..view.tell(rows.scales.rows() / 3) };
     let sampled = Sampled::new(Parts {
         origin,
         view: ViewPlaces::of(geometry, samples),
-        gather: GatherPlaces::of(transfer),
+        gather: GatherPlaces::of(geometry, transfer),
         source: over_time(keys),
         eye: Vectors {
             scale: view.vector(|vectors| &vectors.scale, Vec4::ONE),
@@ -90,21 +107,12 @@ pub fn carry(geometry: &Geometry, transfer: &Transfer, keys: &[Key], settings: S
 fn check(key: &Key, here: &Origin) -> Result<()> {
     let Some(sampled) = key.sampled else { return Ok(()) };
     let there = &sampled.origin;
-    let frame = key.frame;
-    let fail = |what: String, help: &str| Err(Error::compute(format!("the edits of keyframe {frame} {what}"), help));
-    if (there.triangles, &there.objects) != (here.triangles, &here.objects) {
-        let what = format!("were sampled for another scene: {}", there.differences(here).join("; "));
-        return fail(what, "sample them in the scene that they are carried to");
+    if (there.triangles, &there.objects) == (here.triangles, &here.objects) {
+        return Ok(());
     }
-    if (there.gather_samples, &there.gather_layout) != (here.gather_samples, &here.gather_layout) {
-        let (then, now) = (there.gather_samples, here.gather_samples);
-        let what = match then == now {
-            true => "were sampled for gather samples that lie elsewhere".to_owned(),
-            false => format!("were sampled for {then} gather samples, this frame has {now}"),
-        };
-        return fail(what, "give all transfers the same scene file, animations and gather_samples");
-    }
-    Ok(())
+    let differences = there.differences(here).join("; ");
+    let found = format!("the edits of keyframe {} were sampled for another scene: {differences}", key.frame);
+    Err(Error::compute(found, "sample them in the scene that they are carried to"))
 }
 
 /// Vectors of the gather samples, which are the same in all keyframes.
@@ -189,6 +197,7 @@ impl View<'_> {
             keys: keys.collect(),
             disoccluded: share((0..self.count()).filter(nowhere).count()),
             rows,
+            of_other_samples: Vec::new(),
             filled: (0..self.count()).map(filled).collect(),
         }
     }

@@ -1,13 +1,13 @@
 //! The file of sampled edits, for other programs too; what the numbers in it mean stands in the module above.
 //!
-//! # Layout, version 2
+//! # Layout, version 3
 //!
 //! All numbers are little-endian; `f32` is IEEE 754 binary32.
 //!
 //! | bytes | what |
 //! |---|---|
 //! | 0..8 | `89 65 64 69 74 73 0d 0a` (`\x89edits\r\n`) |
-//! | 8..12 | u32: version, 2 |
+//! | 8..12 | u32: version, 3 |
 //! | 12..16 | u32: bytes of the header, H |
 //! | 16..20 | u32: CRC-32 (that of zlib and PNG) of bytes 0..16 followed by the header |
 //! | 20..20 + H | the header: JSON, UTF-8 |
@@ -30,8 +30,8 @@
 //! | `view.barycentrics` | f32 N, 2 | weights of the triangle's second and third corner |
 //! | `view.position` | f32 N, 3 | m, world: +Y up, right-handed; zero where nothing is seen |
 //! | `view.normal` | f32 N, 3 | unit shading normal; zero where nothing is seen |
-//! | `gather.triangle` | u32 M | triangle of each gather sample, as the scene file lists them |
-//! | `gather.barycentrics` | f32 M, 2 | weights of its second and third corner |
+//! | `gather.side` | u32 M | gather samples, as view samples: twice the triangle's number, and one more on its back |
+//! | `gather.barycentrics` | f32 M, 2 | weights of the triangle's second and third corner |
 //! | `gather.position` | f32 M, 3 | m, world |
 //! | `gather.normal` | f32 M, 3 | unit, on the side that the sample is on |
 //! | `source.scale` (?) | f32 M, 3 | s_g, linear Rec.709; missing: 1 |
@@ -66,7 +66,7 @@ use std::io::Write;
 use std::path::Path;
 
 pub(super) const MAGIC: [u8; 8] = *b"\x89edits\r\n";
-pub(super) const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 3;
 /// Bytes before the header.
 pub(super) const PREFIX: usize = 20;
 
@@ -149,7 +149,7 @@ pub fn write(path: &Path, sampled: &Sampled) -> Result<u64> {
     sections.put("view.barycentrics", Type::F32, &sampled.view.barycentrics);
     sections.put("view.position", Type::F32, &sampled.view.position);
     sections.put("view.normal", Type::F32, &sampled.view.normal);
-    sections.put("gather.triangle", Type::U32, &sampled.gather.triangle);
+    sections.put("gather.side", Type::U32, &sampled.gather.side);
     sections.put("gather.barycentrics", Type::F32, &sampled.gather.barycentrics);
     sections.put("gather.position", Type::F32, &sampled.gather.position);
     sections.put("gather.normal", Type::F32, &sampled.gather.normal);

@@ -69,8 +69,8 @@ pub struct ViewPlaces {
 /// Gather samples, M in tree order.
 #[derive(Clone, Debug, Default)]
 pub struct GatherPlaces {
-    /// Index among the scene's triangles.
-    pub triangle: Array<u32>,
+    /// Side of a triangle, as in `ViewPlaces`; none is nowhere.
+    pub side: Array<u32>,
     /// Weights of the triangle's second and third corner.
     pub barycentrics: Array<[f32; 2]>,
     /// Metres, world.
@@ -159,7 +159,7 @@ impl Sampled {
         let vector = |vector: &Option<Array<[f32; 4]>>| vector.as_ref().map_or(0, |vector| 16 * vector.len() as u64);
         let vectors = |vectors: &Vectors| vector(&vectors.scale) + vector(&vectors.offset);
         [
-            ("places", 36 * self.view.position.len() as u64 + 36 * self.gather.triangle.len() as u64),
+            ("places", 36 * self.view.position.len() as u64 + 36 * self.gather.side.len() as u64),
             ("vectors", vectors(&self.source) + vectors(&self.eye)),
             ("slots", 36 * self.touched.len() as u64),
             ("rows", self.scales.bytes() + self.offsets.as_ref().map_or(0, SparseRows::bytes)),
@@ -204,7 +204,7 @@ impl Parts {
                 .or_else(|| length("view.barycentrics", self.view.barycentrics.len(), view))
                 .or_else(|| length("view.position", self.view.position.len(), view))
                 .or_else(|| length("view.normal", self.view.normal.len(), view))
-                .or_else(|| length("gather.triangle", self.gather.triangle.len(), gather))
+                .or_else(|| length("gather.side", self.gather.side.len(), gather))
                 .or_else(|| length("gather.barycentrics", self.gather.barycentrics.len(), gather))
                 .or_else(|| length("gather.position", self.gather.position.len(), gather))
                 .or_else(|| length("gather.normal", self.gather.normal.len(), gather))
@@ -237,11 +237,11 @@ impl Parts {
     fn indices(&self) -> Option<String> {
         let (view, rows) = (self.origin.view_samples(), self.scales.rows() / 3);
         let triangles = self.origin.triangles;
-        if let Some(at) = self.gather.triangle.iter().position(|&triangle| triangle as usize >= triangles) {
-            let triangle = self.gather.triangle[at];
-            return Some(format!("gather sample {at} is on triangle {triangle} of {triangles}"));
+        let is_there = |side: &u32| ((*side / 2) as usize) < triangles;
+        if let Some(at) = self.gather.side.iter().position(|side| !is_there(side)) {
+            return Some(format!("gather sample {at} is on side {} of {triangles} triangles", self.gather.side[at]));
         }
-        let on_scene = |side: &u32| *side == NOWHERE || ((*side / 2) as usize) < triangles;
+        let on_scene = |side: &u32| *side == NOWHERE || is_there(side);
         if let Some(at) = self.view.side.iter().position(|side| !on_scene(side)) {
             return Some(format!("view sample {at} is on side {} of {triangles} triangles", self.view.side[at]));
         }
@@ -266,7 +266,7 @@ impl Parts {
         part(bytemuck::cast_slice(&self.view.barycentrics));
         part(bytemuck::cast_slice(&self.view.position));
         part(bytemuck::cast_slice(&self.view.normal));
-        part(bytemuck::cast_slice(&self.gather.triangle));
+        part(bytemuck::cast_slice(&self.gather.side));
         part(bytemuck::cast_slice(&self.gather.barycentrics));
         part(bytemuck::cast_slice(&self.gather.position));
         part(bytemuck::cast_slice(&self.gather.normal));

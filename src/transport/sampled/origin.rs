@@ -172,10 +172,10 @@ pub fn side(geometry: &Geometry, point: &SurfacePoint) -> u32 {
 }
 
 impl GatherPlaces {
-    pub fn of(transfer: &Transfer) -> Self {
+    pub fn of(geometry: &Geometry, transfer: &Transfer) -> Self {
         let points = &transfer.gather.points;
         Self {
-            triangle: points.iter().map(|point| point.triangle).collect::<Vec<_>>().into(),
+            side: points.iter().map(|point| side(geometry, point)).collect::<Vec<_>>().into(),
             barycentrics: transfer.gather.barycentrics.clone(),
             position: points.iter().map(|point| point.position).collect::<Vec<_>>().into(),
             normal: points.iter().map(|point| point.geometric_normal).collect::<Vec<_>>().into(),

@@ -167,7 +167,7 @@ impl Reader<'_> {
             normal: self.take("view.normal", Type::F32)?,
         };
         let gather = GatherPlaces {
-            triangle: self.take("gather.triangle", Type::U32)?,
+            side: self.take("gather.side", Type::U32)?,
             barycentrics: self.take("gather.barycentrics", Type::F32)?,
             position: self.take("gather.position", Type::F32)?,
             normal: self.take("gather.normal", Type::F32)?,

@@ -79,7 +79,11 @@ pub fn sample(light: &SceneLight, edits: &Edits, settings: Settings) -> Result<(
         |_| 72 * stage.transfer.samples.points.len() as u64,
         || {
             let origin = Origin::of(stage.geometry, stage.transfer);
-            Ok((origin, ViewPlaces::of(stage.geometry, &stage.transfer.samples), GatherPlaces::of(stage.transfer)))
+            Ok((
+                origin,
+                ViewPlaces::of(stage.geometry, &stage.transfer.samples),
+                GatherPlaces::of(stage.geometry, stage.transfer),
+            ))
         },
     )?;
     let (origin, view, gather) = (*places).clone();
