@@ -29,6 +29,8 @@ pub struct Caster<'a> {
     quality: Quality,
     packer: RowPacker,
     remembered: Remembered<'a>,
+    /// Of point-to-point rows: of `Gather::area`, what each gather sample stands for in this pose. Empty: all of it.
+    shares: Vec<f32>,
     cost: Cost,
 }
 
@@ -47,7 +49,11 @@ impl<'a> Caster<'a> {
         };
         let packer = RowPacker::new(settings, gather.count())?;
         let remembered = Remembered::new(memo, geometry, &[kind as u8], quality.rays as usize);
-        Ok(Self { device, geometry, gather, settings, quality, packer, remembered, cost: Cost::default() })
+        let shares = match settings.estimator {
+            Estimator::Points => gather.shares(geometry),
+            Estimator::Rays => Vec::new(),
+        };
+        Ok(Self { device, geometry, gather, settings, quality, packer, remembered, shares, cost: Cost::default() })
     }
 
     /// Appends the rows of these points, known ones as they are; their distances.
@@ -120,8 +126,12 @@ impl<'a> Caster<'a> {
     }
 
     fn connect(&mut self, points: &Array<SurfacePoint>) -> Result<Vec<[f32; 2]>> {
-        let connected = transfer_points(self.device, self.geometry, self.gather, points)?;
+        let mut connected = transfer_points(self.device, self.geometry, self.gather, points)?;
         let count = self.gather.count();
+        if !self.shares.is_empty() {
+            let scale = |row: &mut [f32]| row.iter_mut().zip(&self.shares).for_each(|(weight, share)| *weight *= share);
+            connected.weights.par_chunks_mut(count).for_each(scale);
+        }
         let (basis, slack) = (self.settings.basis, self.settings.quality.slack);
         self.packer.push(connected.weights.par_chunks(count), |weights, row| match basis {
             Basis::Cut => merge_siblings(weights, slack, row),

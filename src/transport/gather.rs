@@ -30,7 +30,7 @@ pub struct Gather {
     pub points: Array<SurfacePoint>,
     /// Barycentrics (second, third corner) of each sample on its triangle.
     pub barycentrics: Array<[f32; 2]>,
-    /// Square metres that one sample stands for.
+    /// Square metres that one sample stands for, where surfaces are largest.
     pub area: f32,
     /// Squared bounding radius of each of the 2M tree nodes, m²; 0 for leaves, infinite where normals differ too much
     /// for the node to stand for its samples.
@@ -50,6 +50,19 @@ impl Gather {
         (48 + 8 + 8) * self.points.len() as u64 + 16 * self.sides.len() as u64 + 4 * self.cells.len() as u64
     }
 
+    /// Of `area`, what each sample stands for in this pose: less where surfaces are smaller than at other times. Empty when
+    /// nothing moves.
+    pub fn shares(&self, geometry: &Geometry) -> Vec<f32> {
+        if geometry.poses.is_empty() {
+            return Vec::new();
+        }
+        let share = |point: &SurfacePoint| {
+            let triangle = point.triangle as usize;
+            geometry.area(triangle) / largest_area(&geometry.poses, triangle)
+        };
+        self.points.iter().map(share).collect()
+    }
+
     /// About the distance from a sample to the next, metres.
     pub fn spacing(&self) -> f32 {
         self.area.sqrt()
@@ -65,8 +78,7 @@ impl Gather {
         }
         let poses = geometry.over_time();
         // What is folded up in one pose may be spread out in another.
-        let areas: Vec<f32> =
-            (0..geometry.corners.len()).map(|i| poses.iter().map(|pose| pose.area(i)).fold(0.0, f32::max)).collect();
+        let areas: Vec<f32> = (0..geometry.corners.len()).map(|triangle| largest_area(poses, triangle)).collect();
         let area = live_list(&poses[0], live).map(|(triangle, _)| f64::from(areas[triangle])).sum::<f64>();
         if area.is_nan() || area <= 0.0 {
             return Err(Error::compute(
@@ -92,6 +104,11 @@ impl Gather {
             cells: cells.into(),
         })
     }
+}
+
+/// Of a triangle at any time, square metres.
+fn largest_area(poses: &[Geometry], triangle: usize) -> f32 {
+    poses.iter().map(|pose| pose.area(triangle)).fold(0.0, f32::max)
 }
 
 /// A place on a surface, whatever becomes of the surface.

@@ -66,6 +66,32 @@ fn what_has_no_area_at_a_time_is_not_forgotten() {
     assert!(credited(&all[2]) > 50, "{}", credited(&all[2]));
 }
 
+/// Connecting points weighs samples by the area that they have now, as rays do that meet it or not.
+#[test]
+fn what_shrinks_sends_less() {
+    let sizes = [[1.0, 1.0, 1.0], [0.5, 0.5, 0.5]].concat();
+    let stage = Stage::new(&Glb::room().animate("shrink", WALL, "scale", 3, &[0.0, 1.0], &sizes));
+    let recipe = |estimator: &str| {
+        stage.plan(json!({
+            "room": { "type": "scene", "params": { "file": "room.glb" } },
+            "view": { "type": "view_samples", "params": { "width": 16, "height": 12 }, "inputs": { "scene": "room" } },
+            "xfer": { "type": "transfer", "params": { "gather_samples": 4096, "tolerance": 0.02, "estimator": estimator },
+                      "inputs": { "scene": "room", "samples": "view" } },
+            "lit": { "type": "relight", "inputs": { "scene": "room", "transfer": "xfer" } },
+        }))
+    };
+    let mean = |estimator: &str, frame: i64| {
+        let Value::Image(image) = stage.value(&recipe(estimator), "lit", frame) else { panic!("a picture") };
+        let indirect = &image.layer("indirect").unwrap().data;
+        indirect.iter().map(|x| f64::from(*x)).sum::<f64>() / indirect.len() as f64
+    };
+    for frame in [0, 24] {
+        let (rays, points) = (mean("rays", frame), mean("points", frame));
+        println!("frame {frame}: {rays:.5} by rays, {points:.5} by points");
+        assert!((points / rays - 1.0).abs() < 0.1, "frame {frame}: {points} for {rays}");
+    }
+}
+
 /// A file that does not move gives what it always gave: its samples are placed on itself.
 #[test]
 fn only_surfaces_that_move_are_looked_at_in_many_poses() {
