@@ -8,9 +8,10 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 /// Seconds that the walk takes; before, the figure stands ready, after, it stops in its tracks.
 pub const SECONDS: f32 = 2.0;
 
-/// From hip to knee, and from knee to the sole, metres.
+/// From hip to knee, and from knee to the sole, metres; the sole is round.
 const THIGH: f32 = 0.42;
 const SHIN: f32 = 0.47;
+const SOLE: f32 = 0.056;
 
 /// A room of 5 x 2.7 x 3.6 m, open towards the camera: an orange wall on the left, a blue one on the right. A figure walks
 /// from the orange wall past a couch to a basket, at 1.15 m/s; a spot light on the orange wall, a soft ceiling panel.
@@ -23,7 +24,7 @@ pub fn walk(time: f32) -> Scene {
     let blue = room.material("blue", Material::matte([0.06, 0.13, 0.50]));
     let cloth = room.material("cloth", Material::matte([0.30, 0.36, 0.30]));
     let wicker = room.material("wicker", Material::matte([0.58, 0.46, 0.30]));
-    let clay = room.material("clay", Material::matte([0.72, 0.70, 0.67]));
+    let clay = room.material("clay", Material::matte([0.52, 0.50, 0.47]));
     let panel = room.material("panel", Material { emission: [5.0, 4.8, 4.5], ..Material::matte([0.8; 3]) });
 
     let (x, y, z) = (2.5, 2.7, 1.8);
@@ -42,7 +43,7 @@ pub fn walk(time: f32) -> Scene {
 
     let (from, to) = (v(0.3, 2.45, 1.5), v(-2.5, 1.1, -0.2));
     let spot = LightKind::Spot { position: from, direction: (to - from).normalize(), inner: 0.36, outer: 0.52 };
-    let lights = vec![Light { name: "key".into(), kind: spot, intensity: Vec3::new(80.0, 72.0, 62.0) }];
+    let lights = vec![Light { name: "key".into(), kind: spot, intensity: Vec3::new(62.0, 56.0, 48.0) }];
     let camera = Camera::look_at("main", v(0.0, 1.45, 6.0), v(0.0, 1.15, 0.0), 32f32.to_radians());
     room.finish(lights, vec![camera])
 }
@@ -64,7 +65,8 @@ fn figure(room: &mut Builder, clay: u32, time: f32) {
     let thigh = |side: f32| 0.48 * phase(side).sin();
     let knee = |side: f32| -(0.12 + 0.55 * (phase(side) - 0.9).sin().max(0.0));
     // The foot that is lower stands on the floor.
-    let leg = |side: f32| 0.02 + THIGH * thigh(side).cos() + SHIN * (thigh(side) + knee(side)).cos();
+    let shin = |side: f32| (SHIN - SOLE) * (thigh(side) + knee(side)).cos() + SOLE;
+    let leg = |side: f32| 0.02 + THIGH * thigh(side).cos() + shin(side);
     let hip = leg(-1.0).max(leg(1.0));
     // It walks along +X; limbs swing about Z.
     let body = Mat4::from_translation(Vec3::new(-1.6 + 1.15 * time, hip, 0.25));
@@ -91,7 +93,7 @@ fn figure(room: &mut Builder, clay: u32, time: f32) {
             let upper = joint(Vec3::new(0.0, 0.46, 0.2 * side), -0.42 * swing.sin());
             let lower = joint(Vec3::new(0.0, -0.28, 0.0), 0.35 + 0.2 * swing.cos());
             for (place, length, radius) in
-                [(thigh, 0.46, 0.078), (thigh * shin, SHIN, 0.056), (upper, 0.32, 0.052), (upper * lower, 0.3, 0.042)]
+                [(thigh, 0.46, 0.078), (thigh * shin, SHIN + SOLE, SOLE), (upper, 0.32, 0.052), (upper * lower, 0.3, 0.042)]
             {
                 room.placed(place, |room| {
                     let foot = Vec3::new(0.0, radius - length, 0.0);
