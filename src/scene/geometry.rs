@@ -82,6 +82,13 @@ impl Geometry {
         if self.poses.is_empty() { std::slice::from_ref(self) } else { &self.poses }
     }
 
+    /// Whether an object is ever elsewhere, or of another shape.
+    pub fn moves(&self, object: u32) -> bool {
+        let mut of_object = (0..self.object.len()).filter(|triangle| self.object[*triangle] == object);
+        let is_still = |triangle: usize| self.poses.iter().all(|pose| pose.corners[triangle] == self.corners[triangle]);
+        of_object.any(|triangle| !is_still(triangle))
+    }
+
     /// Twice the area vector of a triangle: direction of its front side.
     pub fn area_vector(&self, triangle: usize) -> Vec3 {
         let [a, b, c] = self.corners[triangle].map(Vec3::from);

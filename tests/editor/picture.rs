@@ -107,6 +107,27 @@ fn strokes_are_painted_for_the_chosen_edit_and_erased() {
     assert_eq!(desk.node("edit").inputs["receiver"], "paint2");
 }
 
+/// A drag from the wall over the figure and on: only what it paints on the figure goes with it.
+#[test]
+fn paint_on_what_moves_goes_with_it() {
+    let recipe = super::desk::ROOM.replace("builtin:room", "builtin:walk");
+    let mut desk = Desk::with(&recipe);
+    desk.settle();
+    close_tour(&mut desk);
+    desk.key(Modifiers::NONE, Key::B);
+    // At frame 1 the figure stands on the left, before the back wall.
+    let chest = pixel(&desk, 14.2, 40.0);
+    desk.drag(aside(chest, 120.0, 0.0), chest);
+    desk.drag(aside(chest, 0.0, -120.0), aside(chest, 60.0, -120.0));
+    desk.settle();
+    let painted = strokes(&desk, "paint");
+    let on: Vec<Option<(&str, i64)>> =
+        painted.iter().map(|stroke| stroke.attached.as_ref().map(|a| (&a.object[..], a.frame))).collect();
+    assert_eq!(on, [None, Some(("figure", 1)), None], "{painted:?}");
+    desk.undo();
+    assert_eq!(strokes(&desk, "paint").len(), 2, "one drag, one undo");
+}
+
 #[test]
 fn a_brush_alone_paints_a_selection_of_its_own() {
     let mut desk = room();

@@ -4,7 +4,7 @@ use super::insert::free;
 use super::light::rounded;
 use crate::graph::{Document, split};
 use crate::node::Info;
-use crate::transport::selection::{Stroke, StrokeMode};
+use crate::transport::selection::{Attached, Stroke, StrokeMode};
 use crate::value::Kind;
 use crate::{Error, Result};
 use glam::Vec3;
@@ -67,9 +67,30 @@ pub fn begin(document: &mut Document, paint: &str, like: &Stroke) -> Result<()> 
     Ok(())
 }
 
-/// Lets the last stroke run on to a point, unless that is too near to its end; says whether it does.
-pub fn extend(document: &mut Document, paint: &str, point: Vec3, normal: Vec3, radius: f32) -> Result<bool> {
-    let Some(Json::Object(stroke)) = strokes(document, paint)?.last_mut() else { return Ok(false) };
+/// Lets the last stroke run on to a point and its normal, unless that is too near to its end; says whether it does. On
+/// another object than it is attached to, another stroke goes on.
+pub fn extend(
+    document: &mut Document,
+    paint: &str,
+    (point, normal): (Vec3, Vec3),
+    radius: f32,
+    attached: Option<&Attached>,
+) -> Result<bool> {
+    let strokes = strokes(document, paint)?;
+    let Some(Json::Object(stroke)) = strokes.last_mut() else { return Ok(false) };
+    let attached = attached.map(|attached| serde_json::to_value(attached).expect("plain data"));
+    if stroke.get("attached") != attached.as_ref() {
+        let mut other = stroke.clone();
+        for (name, value) in [("points", point), ("normals", normal)] {
+            other.insert(name.to_owned(), vec![Json::from(value.to_array().map(rounded).to_vec())].into());
+        }
+        match attached {
+            Some(attached) => other.insert("attached".to_owned(), attached),
+            None => other.remove("attached"),
+        };
+        strokes.push(other.into());
+        return Ok(true);
+    }
     let end = stroke.get("points").and_then(Json::as_array).and_then(|points| points.last()).and_then(vector);
     if end.is_some_and(|end| end.distance(point) < APART * radius) {
         return Ok(false);
@@ -146,10 +167,29 @@ mod tests {
         let mut document = document();
         let paint = target(&mut document, None, None, "room").unwrap();
         begin(&mut document, &paint, &dab(Vec3::ZERO, Vec3::Y, 0.5, 0.5, 1.0, false, false)).unwrap();
-        let mut to = |x: f32| extend(&mut document, &paint, Vec3::new(x, 0.0, 0.0), Vec3::Y, 0.5).unwrap();
+        let mut to = |x: f32| extend(&mut document, &paint, (Vec3::new(x, 0.0, 0.0), Vec3::Y), 0.5, None).unwrap();
         assert!(!to(0.05) && to(0.15) && !to(0.2) && to(0.3));
         let strokes: Vec<Stroke> = serde_json::from_value(document.nodes[&paint].params["strokes"].clone()).unwrap();
         assert_eq!((strokes.len(), strokes[0].points.len(), strokes[0].normals.len()), (1, 3, 3));
         assert!(begin(&mut document, "edit", &strokes[0]).is_err());
+    }
+
+    #[test]
+    fn a_stroke_that_comes_to_something_that_moves_goes_on_as_another() {
+        let mut document = document();
+        let paint = target(&mut document, None, None, "room").unwrap();
+        begin(&mut document, &paint, &dab(Vec3::ZERO, Vec3::Y, 0.5, 0.25, 0.75, true, true)).unwrap();
+        let on = |object: &str| Some(Attached { object: object.to_owned(), frame: 7 });
+        for (x, object) in [(1.0, None), (2.0, on("a")), (3.0, on("a")), (4.0, on("b")), (5.0, None)] {
+            let at = (Vec3::new(x, 0.0, 0.0), Vec3::Y);
+            assert!(extend(&mut document, &paint, at, 0.5, object.as_ref()).unwrap());
+        }
+        let strokes: Vec<Stroke> = serde_json::from_value(document.nodes[&paint].params["strokes"].clone()).unwrap();
+        let found: Vec<_> = strokes.iter().map(|stroke| (stroke.points.len(), stroke.attached.clone())).collect();
+        assert_eq!(found, [(2, None), (2, on("a")), (1, on("b")), (1, None)]);
+        for stroke in &strokes {
+            assert_eq!((stroke.hardness, stroke.value, stroke.adaptive), (0.25, 0.75, true));
+            assert_eq!((stroke.mode, stroke.normals.len()), (StrokeMode::Erase, stroke.points.len()));
+        }
     }
 }

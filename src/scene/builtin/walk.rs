@@ -92,9 +92,12 @@ fn figure(room: &mut Builder, clay: u32, time: f32) {
             let shin = joint(Vec3::new(0.0, -THIGH, 0.0), knee(side));
             let upper = joint(Vec3::new(0.0, 0.46, 0.2 * side), -0.42 * swing.sin());
             let lower = joint(Vec3::new(0.0, -0.28, 0.0), 0.35 + 0.2 * swing.cos());
-            for (place, length, radius) in
-                [(thigh, 0.46, 0.078), (thigh * shin, SHIN + SOLE, SOLE), (upper, 0.32, 0.052), (upper * lower, 0.3, 0.042)]
-            {
+            for (place, length, radius) in [
+                (thigh, 0.46, 0.078),
+                (thigh * shin, SHIN + SOLE, SOLE),
+                (upper, 0.32, 0.052),
+                (upper * lower, 0.3, 0.042),
+            ] {
                 room.placed(place, |room| {
                     let foot = Vec3::new(0.0, radius - length, 0.0);
                     room.lathe("figure", clay, foot, &capsule(length, radius), true);

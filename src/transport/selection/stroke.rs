@@ -183,6 +183,12 @@ pub(super) fn lay(
         let gaps = parts.iter().map(|parts| parts.len() - 1).sum::<usize>();
         let mut segments: Vec<Segment> = parts.iter().flatten().flat_map(|part| segments(part)).collect();
         if geometry.fingerprint != grounds.now.fingerprint {
+            let (then, now) = (geometry.corners.len(), grounds.now.corners.len());
+            if then != now {
+                let message =
+                    format!("strokes[{number}] was painted on a scene of {then} triangles, now there are {now}");
+                return Err(Error::compute(message, "attach strokes only where a file's own animation moves things"));
+            }
             let go = |knot: &Knot| carried(knot, geometry, &grounds.now, object);
             segments = segments.iter().map(|segment| Segment::new(go(&segment.a), go(&segment.b))).collect();
         }

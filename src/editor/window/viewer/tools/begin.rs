@@ -7,7 +7,6 @@ use crate::editor::hands::{light, stroke};
 use crate::editor::look::{VIEWS, nearest, nearest_of};
 use crate::editor::window::state::{State, Tool};
 use crate::editor::window::viewer::Viewer;
-use crate::transport::selection::Attached;
 use egui::Pos2;
 use glam::Vec3;
 use serde_json::Value as Json;
@@ -52,12 +51,7 @@ pub fn begin(viewer: &Viewer, state: &mut State, hand: &Hand, handles: &[Handle]
                 brush.erase,
                 brush.adaptive,
             );
-            // Where things move, paint goes with what it was put on.
-            let geometry = &hand.shown.scene.as_ref()?.geometry;
-            if !geometry.poses.is_empty() {
-                let object = geometry.objects[point.object as usize].clone();
-                dab.attached = Some(Attached { object, frame: state.frame });
-            }
+            dab.attached = hand.attached(&point, state.frame);
             let spacing = radius(state, hand, at).unwrap_or(brush.radius);
             let node = state.chosen().map(str::to_owned);
             let info = node.as_deref().and_then(|node| state.info(node));

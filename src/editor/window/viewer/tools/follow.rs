@@ -15,8 +15,10 @@ pub fn follow(drag: &Drag, offset: f32, state: &mut State, hand: &Hand, at: Pos2
     match drag {
         Drag::Stroke { paint, radius } => {
             let Some(point) = hand.surface(at) else { return };
+            let attached = hand.attached(&point, state.frame);
             state.change("paint", Some("paint"), |document| {
-                stroke::extend(document, paint, point.position.into(), point.normal.into(), *radius)
+                let (place, normal) = (point.position.into(), point.normal.into());
+                stroke::extend(document, paint, (place, normal), *radius, attached.as_ref())
             });
         }
         Drag::Light { node } => {

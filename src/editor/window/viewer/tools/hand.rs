@@ -7,6 +7,7 @@ use crate::editor::shown::Shown;
 use crate::editor::window::state::{State, Tool};
 use crate::editor::window::viewer::picture::Mapping;
 use crate::scene::SurfacePoint;
+use crate::transport::selection::Attached;
 use egui::{Color32, Pos2, Stroke, Ui};
 use glam::{Vec2, Vec3};
 use serde_json::{Map, Value as Json};
@@ -28,6 +29,13 @@ impl Hand<'_> {
         let hit = scene.geometry.bvh.closest(&samples.camera.ray(self.mapping.to_picture(at), size));
         (hit.triangle != SurfacePoint::NOWHERE.triangle)
             .then(|| scene.geometry.surface_point(hit.triangle as usize, hit.u, hit.v, hit.front))
+    }
+
+    /// What paint on a surface goes with, if that ever moves.
+    pub fn attached(&self, point: &SurfacePoint, frame: i64) -> Option<Attached> {
+        let geometry = &self.shown.scene.as_ref()?.geometry;
+        let object = geometry.objects[point.object as usize].clone();
+        geometry.moves(point.object).then_some(Attached { object, frame })
     }
 
     pub fn to_screen(&self, place: Place) -> Option<Pos2> {
