@@ -211,3 +211,23 @@ fn nodes_tell_time_and_show_what_is_wrong_with_them() {
     desk.settle();
     assert!(!desk.sees("has a problem"));
 }
+
+/// A recipe written by hand says nothing of places: nodes stay where they were shown when one comes to lie beside them.
+#[test]
+fn a_first_place_does_not_move_the_others() {
+    let (recipe, _) = super::desk::ROOM.split_once(", \"layout\"").unwrap();
+    let mut desk = Desk::with(&format!("{recipe} }}"));
+    desk.settle();
+    assert!(desk.document().layout.is_empty());
+    let before = ["node room", "node edit", "node lit"].map(|name| desk.rect(name));
+    let empty = desk.within("node edit", -0.8, 0.9);
+    desk.hover(empty);
+    desk.key(Modifiers::NONE, Key::Tab);
+    desk.text("illum");
+    desk.key(Modifiers::NONE, Key::Enter);
+    assert_eq!(desk.document().layout.len(), desk.document().nodes.len());
+    assert_eq!(["node room", "node edit", "node lit"].map(|name| desk.rect(name)), before);
+    desk.undo();
+    assert!(desk.document().layout.is_empty(), "as it was written");
+    assert_eq!(["node room", "node edit", "node lit"].map(|name| desk.rect(name)), before);
+}

@@ -1,6 +1,7 @@
 //! What all panes share: the recipe, what is chosen in it, and what is known of its nodes.
 
 use super::commands::Command;
+use super::graph::places;
 use super::known::{Known, Progress};
 use crate::editor::look::Output;
 use crate::editor::{Session, shown::Shown};
@@ -133,7 +134,7 @@ impl State {
         mark: Option<&str>,
         change: impl FnOnce(&mut Document) -> Result<T>,
     ) -> Option<T> {
-        match self.session.change(label, mark, change) {
+        match self.session.change(label, mark, |document| in_place(document, change)) {
             Ok(value) => Some(value),
             Err(error) => {
                 self.complain(&error);
@@ -195,4 +196,20 @@ impl State {
     pub fn info(&self, node: &str) -> Option<&'static Info> {
         self.session.info(node)
     }
+}
+
+/// Makes a change to a recipe as it is seen: nodes without a place of their own stay where they are shown when others come
+/// to lie beside them. A change that moves nothing leaves them without.
+fn in_place<T>(document: &mut Document, change: impl FnOnce(&mut Document) -> Result<T>) -> Result<T> {
+    let own = document.layout.clone();
+    let places = places(document);
+    for name in document.nodes.keys() {
+        document.layout.entry(name.clone()).or_insert_with(|| places[name]);
+    }
+    let shown = document.layout.clone();
+    let value = change(document)?;
+    if document.layout == shown {
+        document.layout = own;
+    }
+    Ok(value)
 }
