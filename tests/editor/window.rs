@@ -95,9 +95,12 @@ impl Screen {
         std::thread::sleep(Duration::from_millis(200));
     }
 
-    fn drag(&self, from: Pos2, to: Pos2) {
+    fn drag(&mut self, from: Pos2, to: Pos2) {
         self.go(from);
+        // What lies under the pointer is found when the window draws: a press before that would miss it.
+        self.settled();
         self.tool(&["mousedown", "1"]);
+        std::thread::sleep(Duration::from_millis(500));
         for step in 1..=10 {
             self.go(from + (to - from) * (step as f32 / 10.0));
         }

@@ -60,6 +60,8 @@ pub struct Canvas {
     rect: Rect,
     to_global: TSTransform,
     fit: bool,
+    /// The pane that all was fitted into, and how; until the graph is moved.
+    fitted: Option<(Rect, TSTransform)>,
     /// Of each node, in the graph.
     rects: HashMap<String, Rect>,
     /// Where a rectangle that selects was begun, in the graph.
@@ -76,6 +78,7 @@ impl Default for Canvas {
             rect: Rect::ZERO,
             to_global: TSTransform::IDENTITY,
             fit: true,
+            fitted: None,
             rects: HashMap::new(),
             band: None,
             comment: None,
@@ -108,7 +111,11 @@ impl Canvas {
         self.rect = ui.available_rect_before_wrap();
         // All nodes have been drawn once, so that their sizes are known.
         let mut forced = self.comment.map(|_| self.to_global);
-        if self.fit && self.rects.len() == state.document().nodes.len() {
+        // A pane that changes its size, as all do when a window opens, keeps in sight what it had.
+        self.fitted = self.fitted.filter(|(_, fitted)| *fitted == self.to_global);
+        self.fit |= self.fitted.is_some_and(|(pane, _)| pane != self.rect);
+        let fits = self.fit && self.rects.len() == state.document().nodes.len();
+        if fits {
             forced = Some(fitted(self.rects.values().copied(), self.rect));
             self.fit = false;
         } else if self.fit {
@@ -126,6 +133,9 @@ impl Canvas {
         let response = SnarlWidget::new().id(Id::new(GRAPH)).style(style(ui)).show(&mut self.snarl, &mut draw, ui);
         let Draw { mut happened, to_global, rects, .. } = draw;
         (self.to_global, self.rects) = (to_global, rects);
+        if fits {
+            self.fitted = Some((self.rect, self.to_global));
+        }
         let pointer = ui.input(|input| input.pointer.latest_pos()).unwrap_or(self.rect.center());
         for event in &mut happened {
             if let Happened::Palette { at, place, .. } = event {
