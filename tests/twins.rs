@@ -22,7 +22,7 @@ use chiaro::kernels::primary_visibility::primary_visibility;
 use chiaro::kernels::run_light::{Element, Face};
 use chiaro::kernels::tone_map::Operator;
 use chiaro::kernels::transfer_points::transfer_points;
-use chiaro::kernels::transfer_rows::transfer_rows;
+use chiaro::kernels::transfer_rows::{Starts, transfer_rows};
 use chiaro::kernels::{
     self, average_pyramid, colour_edits, entry_ways, haar_encode, haar2d_encode, interpolate, path_product, run_light,
     scaled_product, sparse_product, surroundings, tone_map,

@@ -84,19 +84,24 @@ pub struct Before<'a> {
     pub met: &'a [Option<&'a [u32]>],
 }
 
-/// `seeds`: one per point, so that a row is the same whatever else is computed with it.
+/// Where rows start.
+pub struct Starts<'a> {
+    pub points: &'a Array<SurfacePoint>,
+    /// One per point, so that a row is the same whatever else is computed with it.
+    pub seeds: &'a Array<u32>,
+    pub before: Option<Before<'a>>,
+}
+
 pub fn transfer_rows(
     device: &Device,
     geometry: &Geometry,
     gather: &Gather,
-    points: &Array<SurfacePoint>,
-    seeds: &Array<u32>,
+    starts: &Starts,
     rays: u32,
     credit: f32,
-    before: Option<&Before>,
 ) -> Result<RowRays> {
     let params = Params {
-        rows: points.len() as u32,
+        rows: starts.points.len() as u32,
         rays,
         gather: gather.count() as u32,
         credit,
@@ -106,31 +111,25 @@ pub fn transfer_rows(
         pad1: 0,
     };
     match device {
-        Device::Cpu => Ok(cpu(geometry, gather, points, seeds, &params, before)),
+        Device::Cpu => Ok(cpu(geometry, gather, starts, &params)),
         #[cfg(feature = "gpu")]
-        Device::Gpu(gpu) => self::gpu(gpu, geometry, gather, points, seeds, &params),
+        Device::Gpu(gpu) => self::gpu(gpu, geometry, gather, starts, &params),
     }
 }
 
-fn cpu(
-    geometry: &Geometry,
-    gather: &Gather,
-    points: &[SurfacePoint],
-    seeds: &[u32],
-    params: &Params,
-    before: Option<&Before>,
-) -> RowRays {
+fn cpu(geometry: &Geometry, gather: &Gather, starts: &Starts, params: &Params) -> RowRays {
+    let Starts { points, seeds, before } = starts;
     let rays = params.rays as usize;
     let mut nodes = vec![0; points.len() * rays];
     let mut met = vec![NONE; points.len() * rays];
     let mut distances = vec![[f32::INFINITY; 2]; points.len()];
     let rows = nodes.par_chunks_mut(rays).zip(met.par_chunks_mut(rays)).zip(&mut distances);
-    let rows = rows.zip(points.par_iter().zip(seeds)).enumerate();
+    let rows = rows.zip(points.par_iter().zip(&seeds[..])).enumerate();
     let kept = rows.map_init(Vec::new, |hits, (row, (((nodes, met), distances), (point, &seed)))| {
         if !point.exists() {
             return 0;
         }
-        let known = before.and_then(|before| Some((before.change, before.met[row]?)));
+        let known = before.as_ref().and_then(|before| Some((before.change, before.met[row]?)));
         let shift = sampling::shift(seed);
         let (mut inverse_sum, mut least, mut kept) = (0.0, f32::INFINITY, 0);
         hits.clear();
@@ -162,14 +161,8 @@ fn cpu(
 }
 
 #[cfg(feature = "gpu")]
-fn gpu(
-    gpu: &Gpu,
-    geometry: &Geometry,
-    gather: &Gather,
-    points: &Array<SurfacePoint>,
-    seeds: &Array<u32>,
-    params: &Params,
-) -> Result<RowRays> {
+fn gpu(gpu: &Gpu, geometry: &Geometry, gather: &Gather, starts: &Starts, params: &Params) -> Result<RowRays> {
+    let Starts { points, seeds, .. } = starts;
     fits_the_shader(geometry)?;
     let rays = params.rays as usize;
     let (nodes, distances) = (Vec::with_capacity(points.len() * rays), Vec::with_capacity(points.len()));

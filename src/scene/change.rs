@@ -8,6 +8,7 @@ use crate::scene::bvh::{Bvh, Hit, Ray, intersect};
 use crate::scene::geometry::NONE;
 use crate::scene::wide::SLACK;
 use glam::Vec3;
+use std::cmp::Ordering;
 
 /// Surfaces that are elsewhere, or of another shape, than they were.
 pub struct Change {
@@ -45,7 +46,7 @@ impl Change {
         let (a, b) = ((self.bounds.0 - ray.origin) * inverse, (self.bounds.1 - ray.origin) * inverse);
         let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(t));
         // NaN, of a ray within a side of the box, is a yes.
-        !(near > far * SLACK)
+        near.partial_cmp(&(far * SLACK)) != Some(Ordering::Greater)
     }
 
     /// What `now.bvh.closest` finds, bit by bit, for a ray that met the triangle `met` (`NONE`: nothing) before.

@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::device::{Array, Device};
 use crate::kernels::transfer_points::transfer_points;
-use crate::kernels::transfer_rows::{Before, transfer_rows};
+use crate::kernels::transfer_rows::{Before, Starts, transfer_rows};
 use crate::memo::Memo;
 use crate::progress::Stage;
 use crate::scene::{Geometry, SurfacePoint};
@@ -117,8 +117,8 @@ impl<'a> Caster<'a> {
         let Quality { rays, credit, .. } = self.quality;
         let before = self.remembered.before(samples, points);
         let before = before.as_ref().map(|(change, met)| Before { change, met });
-        let before = before.as_ref();
-        let mut cast = transfer_rows(self.device, self.geometry, self.gather, points, &seeds, rays, credit, before)?;
+        let starts = Starts { points, seeds: &seeds, before };
+        let mut cast = transfer_rows(self.device, self.geometry, self.gather, &starts, rays, credit)?;
         self.remembered.take(samples, points, &cast.met);
         self.cost.kept += cast.kept;
         self.packer.push(cast.nodes.par_chunks_mut(rays as usize), |nodes, row| count_nodes(nodes, rays, row))?;

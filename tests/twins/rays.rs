@@ -111,10 +111,10 @@ pub fn rows(devices: &Devices) -> Outcome {
     let gather =
         Gather::place(&scene.geometry, &live(&scene.geometry, &points), 1 << 10).map_err(|error| error.to_string())?;
     let seeds: Array<u32> = (0..points.len() as u32).map(sampling::hash).collect::<Vec<_>>().into();
+    let starts = Starts { points: &points, seeds: &seeds, before: None };
     for (rays, credit) in [(1, 0.25), (64, 0.25), (100, 0.0), (257, 4.0)] {
         let run = |device| {
-            transfer_rows(device, &scene.geometry, &gather, &points, &seeds, rays, credit, None)
-                .map_err(|error| error.to_string())
+            transfer_rows(device, &scene.geometry, &gather, &starts, rays, credit).map_err(|error| error.to_string())
         };
         let cpu = run(&Device::Cpu)?;
         if cpu.nodes.iter().all(|&node| node == 0) {

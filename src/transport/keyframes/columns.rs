@@ -43,9 +43,8 @@ pub fn carried(
         let make = |number: usize, dense: &mut Vec<[f32; 4]>, row: &mut Row| {
             dense.clear();
             dense.resize(rows.columns(), [0.0; 4]);
-            for channel in 0..3 {
-                rows.row(3 * number + channel).for_each(|(index, value)| dense[index][channel] = value);
-            }
+            let channel = |c: usize| rows.row(3 * number + c).map(move |(index, value)| (index, c, value));
+            (0..3).flat_map(channel).for_each(|(index, c, value)| dense[index][c] = value);
             let then = haar_decode(dense)?;
             let now: Vec<[f32; 4]> =
                 nearest.iter().map(|from| if *from == NONE { [0.0; 4] } else { then[*from as usize] }).collect();
