@@ -54,6 +54,15 @@ impl Bench {
         String::from_utf8(output.stdout).unwrap()
     }
 
+    /// Both steps of a job beside the recipe; what the engine says.
+    fn run_job(&self, openjd: impl Fn(&[&str]) -> Output, job: &Path) -> String {
+        let parameter = |name: &str, value: &Path| format!("{name}={}", value.display());
+        let chiaro = parameter("Chiaro", &assert_cmd::cargo::cargo_bin("chiaro"));
+        let [out, cache] = [parameter("Out", &self.path("out")), parameter("Cache", &self.path("cache"))];
+        let what = ["run", job.to_str().unwrap(), "--step", "Frames", "--run-dependencies"];
+        said(openjd(&[&what[..], &["-p", &chiaro, "-p", &out, "-p", &cache]].concat()))
+    }
+
     fn plain(&self) -> BTreeMap<String, Vec<u8>> {
         let [recipe, out] = ["it's a recipe.json", "plain"].map(|name| self.path(name));
         let fixed =
@@ -61,6 +70,26 @@ impl Bench {
         assert!(self.chiaro(&fixed).status.success());
         files(&out)
     }
+}
+
+/// The engine of the standard itself, if it is here.
+fn openjd() -> Option<impl Fn(&[&str]) -> Output> {
+    let python = std::env::var("CHIARO_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let name = python.clone();
+    let openjd = move |arguments: &[&str]| Command::new(&python).args(["-m", "openjd"]).args(arguments).output();
+    if openjd(&["--version"]).is_ok_and(|output| output.status.success()) {
+        return Some(move |arguments: &[&str]| openjd(arguments).unwrap());
+    }
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "\nSKIPPED: {name} has no openjd-cli (pip install, or set CHIARO_PYTHON)");
+    None
+}
+
+/// Of a program that succeeds.
+fn said(output: Output) -> String {
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    assert!(output.status.success(), "{text}");
+    text
 }
 
 const LAMP: usize = 3;
@@ -147,45 +176,15 @@ fn a_job_beside_its_recipe_names_it_by_name() {
 /// The engine of the standard itself checks the template and runs both steps, two chunks of frames.
 #[test]
 fn openjd_runs_it_and_the_frames_are_those_of_a_plain_render() {
-    let python = std::env::var("CHIARO_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let openjd = |arguments: &[&str]| Command::new(&python).args(["-m", "openjd"]).args(arguments).output();
-    if !openjd(&["--version"]).is_ok_and(|output| output.status.success()) {
-        use std::io::Write;
-        let _ =
-            writeln!(std::io::stderr(), "\nSKIPPED: {python} has no openjd-cli (pip install, or set CHIARO_PYTHON)");
-        return;
-    }
+    let Some(openjd) = openjd() else { return };
     let bench = Bench::new(LAMP);
     let (recipe, job) = (bench.path("it's a recipe.json"), bench.path("job.yaml"));
     let fixed =
         ["farm", "openjd", recipe.to_str().unwrap(), "--chunk-size", "2", "--shards", "2", "-o", job.to_str().unwrap()];
     assert!(bench.chiaro(&fixed).status.success());
-    let said = |output: Output| {
-        let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
-        assert!(output.status.success(), "{text}");
-        text
-    };
-    let checked = said(openjd(&["check", job.to_str().unwrap()]).unwrap());
+    let checked = said(openjd(&["check", job.to_str().unwrap()]));
     assert!(checked.contains("passes validation"), "{checked}");
-    let parameter = |name: &str, value: &Path| format!("{name}={}", value.display());
-    let chiaro = parameter("Chiaro", &assert_cmd::cargo::cargo_bin("chiaro"));
-    let [out, cache] = [parameter("Out", &bench.path("out")), parameter("Cache", &bench.path("cache"))];
-    let ran = said(
-        openjd(&[
-            "run",
-            job.to_str().unwrap(),
-            "--step",
-            "Frames",
-            "--run-dependencies",
-            "-p",
-            &chiaro,
-            "-p",
-            &out,
-            "-p",
-            &cache,
-        ])
-        .unwrap(),
-    );
+    let ran = bench.run_job(&openjd, &job);
     // Two shards, then two chunks.
     assert!(
         ran.contains("Shard(INT) = 2") && ran.contains("Frame(CHUNK[INT]) = 1,2") && ran.contains("= 3,4"),
@@ -198,14 +197,7 @@ fn openjd_runs_it_and_the_frames_are_those_of_a_plain_render() {
 /// Names and arguments that the engine would read as expressions, frames below zero, steps.
 #[test]
 fn openjd_takes_odd_names_arguments_and_frames() {
-    let python = std::env::var("CHIARO_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let openjd = |arguments: &[&str]| Command::new(&python).args(["-m", "openjd"]).args(arguments).output();
-    if !openjd(&["--version"]).is_ok_and(|output| output.status.success()) {
-        use std::io::Write;
-        let _ =
-            writeln!(std::io::stderr(), "\nSKIPPED: {python} has no openjd-cli (pip install, or set CHIARO_PYTHON)");
-        return;
-    }
+    let Some(openjd) = openjd() else { return };
     let bench = Bench::new(LAMP);
     let recipe = std::fs::read_to_string(bench.path("it's a recipe.json")).unwrap();
     let odd = bench.path(&format!("{{{{odd}}}} {}.json", "long ".repeat(20)));
@@ -215,24 +207,7 @@ fn openjd_takes_odd_names_arguments_and_frames() {
     let fixed = ["farm", "openjd", odd.to_str().unwrap(), "--frames", "-3-5x4,7", "--chunk-size", "1", "--shards", "1"];
     let output = bench.chiaro(&[&fixed[..], &["--set", file, "-o", job.to_str().unwrap()]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let parameter = |name: &str, value: &Path| format!("{name}={}", value.display());
-    let chiaro = parameter("Chiaro", &assert_cmd::cargo::cargo_bin("chiaro"));
-    let [out, cache] = [parameter("Out", &bench.path("out")), parameter("Cache", &bench.path("cache"))];
-    let ran = openjd(&[
-        "run",
-        job.to_str().unwrap(),
-        "--step",
-        "Frames",
-        "--run-dependencies",
-        "-p",
-        &chiaro,
-        "-p",
-        &out,
-        "-p",
-        &cache,
-    ]);
-    let ran = ran.unwrap();
-    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stdout));
+    bench.run_job(&openjd, &job);
     let names: Vec<String> = files(&bench.path("out/c{{Param.Out}}")).into_keys().collect();
     assert_eq!(names, ["lit.-0003.exr", "lit.0001.exr", "lit.0005.exr", "lit.0007.exr"]);
 }

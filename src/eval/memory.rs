@@ -99,9 +99,9 @@ impl Memo for Memory {
         self.insert((Space::Memo, key), value, bytes);
     }
 
-    /// Half of what there is: something else is wanted, too.
+    /// A quarter of what there is: something else is wanted, too.
     fn room(&self) -> u64 {
-        self.bound / 2
+        self.bound / 4
     }
 }
 

@@ -6,9 +6,8 @@
 use crate::scene::Geometry;
 use crate::scene::bvh::{Bvh, Hit, Ray, intersect};
 use crate::scene::geometry::NONE;
-use crate::scene::wide::SLACK;
+use crate::scene::wide::{SLACK, inverse};
 use glam::Vec3;
-use std::cmp::Ordering;
 
 /// Surfaces that are elsewhere, or of another shape, than they were.
 pub struct Change {
@@ -42,11 +41,10 @@ impl Change {
 
     /// Whether a ray may meet what moved before `t`; errs on the side of yes, as the hierarchy does.
     fn is_near(&self, ray: &Ray, t: f32) -> bool {
-        let inverse = ray.direction.recip();
+        let inverse = Vec3::from(inverse(ray.direction));
         let (a, b) = ((self.bounds.0 - ray.origin) * inverse, (self.bounds.1 - ray.origin) * inverse);
         let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(t));
-        // NaN, of a ray within a side of the box, is a yes.
-        near.partial_cmp(&(far * SLACK)) != Some(Ordering::Greater)
+        near <= far * SLACK
     }
 
     /// What `now.bvh.closest` finds, bit by bit, for a ray that met the triangle `met` (`NONE`: nothing) before.

@@ -63,11 +63,14 @@ struct Slabs {
     far: [usize; 3],
 }
 
+/// Of each component. A zero component would make 0 x infinity in a slab test; what stands for it is as good as parallel.
+pub fn inverse(direction: Vec3) -> [f32; 3] {
+    direction.to_array().map(|d| 1.0 / if d.abs() < 1e-20 { 1e-20f32.copysign(d) } else { d })
+}
+
 impl Slabs {
     fn new(ray: &Ray) -> Self {
-        let direction = ray.direction.to_array();
-        // A zero component would make 0 x infinity; this is as good as parallel.
-        let inverse = direction.map(|d| 1.0 / if d.abs() < 1e-20 { 1e-20f32.copysign(d) } else { d });
+        let inverse = inverse(ray.direction);
         let near = [0, 1, 2].map(|i| if inverse[i] < 0.0 { i + 3 } else { i });
         Self { origin: ray.origin.to_array(), inverse, near, far: [0, 1, 2].map(|i| (near[i] + 3) % 6) }
     }

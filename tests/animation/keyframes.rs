@@ -265,6 +265,31 @@ fn other_gather_samples_take_from_the_nearest() {
     }
 }
 
+/// Light that is added where something stood in its way comes from as much area, however many samples stand for it.
+#[test]
+fn what_is_added_goes_with_the_area_of_samples() {
+    let stage = Stage::new(&slide(PANEL, [-1.0, 1.0, 0.5], [1.0, 1.5, 0.5]));
+    let nodes = || {
+        let mut all = nodes("wall", json!(1.0));
+        all["bleed"] = json!({ "type": "indirect_shadow", "params": { "amount": 1.0 },
+                               "inputs": { "caster": "floor", "receiver": "to" } });
+        all
+    };
+    let plan = stage.plan(nodes());
+    let expected = indirect(&stage, &plan, "lit", 11);
+    let does = off(&indirect(&stage, &plan, "plain", 11), &expected);
+    assert!(does > 0.005, "{does}");
+    for count in [64, 1024] {
+        let mut all = nodes();
+        all["other"] = all["xfer"].clone();
+        all["other"]["params"]["gather_samples"] = json!(count);
+        all["a"]["inputs"]["transfer"] = json!("other");
+        let error = off(&indirect(&stage, &stage.plan(all), "lit", 11), &expected);
+        println!("added light, {count} gather samples for 256: off by {error:.4}; the edit itself: {does:.4}");
+        assert!(error < 0.3 * does, "{count}: {error} of {does}");
+    }
+}
+
 /// A camera that sinks comes to see the underside of the floor: light is gathered from there, too.
 #[test]
 fn a_camera_may_come_to_see_other_sides() {

@@ -78,6 +78,10 @@ pub fn extend(
 ) -> Result<bool> {
     let strokes = strokes(document, paint)?;
     let Some(Json::Object(stroke)) = strokes.last_mut() else { return Ok(false) };
+    let end = stroke.get("points").and_then(Json::as_array).and_then(|points| points.last()).and_then(vector);
+    if end.is_some_and(|end| end.distance(point) < APART * radius) {
+        return Ok(false);
+    }
     let attached = attached.map(|attached| serde_json::to_value(attached).expect("plain data"));
     if stroke.get("attached") != attached.as_ref() {
         let mut other = stroke.clone();
@@ -90,10 +94,6 @@ pub fn extend(
         };
         strokes.push(other.into());
         return Ok(true);
-    }
-    let end = stroke.get("points").and_then(Json::as_array).and_then(|points| points.last()).and_then(vector);
-    if end.is_some_and(|end| end.distance(point) < APART * radius) {
-        return Ok(false);
     }
     for (name, value) in [("points", point), ("normals", normal)] {
         if let Some(list) = stroke.get_mut(name).and_then(Json::as_array_mut) {

@@ -207,7 +207,7 @@ impl Model {
     /// there are left out.
     ///
     /// # Errors
-    /// As `scene`, when that is so at all of them.
+    /// As `scene`; and when that is so at all of them.
     pub fn poses(&self, path: &Path, playing: &Playing, scale: f32) -> Result<Arc<[Geometry]>> {
         if !self.motion.moves_surfaces(playing) {
             return Ok(Arc::new([]));
@@ -216,13 +216,14 @@ impl Model {
         let pose = |i: usize| {
             let time = first + (last - first) * i as f32 / (POSES - 1) as f32;
             let pose = self.motion.pose(playing, time, scale);
-            self.geometry(path, &pose, true, &mut Census::default())
+            self.geometry_if_any(path, &pose)
         };
-        let (there, faults): (Vec<_>, Vec<_>) = (0..POSES).map(pose).partition(Result::is_ok);
-        match faults.into_iter().next() {
-            Some(fault) if there.is_empty() => Err(fault.expect_err("parted")),
-            _ => Ok(there.into_iter().flatten().collect()),
+        let there: Vec<Geometry> = (0..POSES).filter_map(|i| pose(i).transpose()).collect::<Result<_>>()?;
+        if there.is_empty() {
+            let found = "no triangle has an area at any time that was looked at";
+            return Err(Error::file(path, found, "export the meshes too, or choose another animation"));
         }
+        Ok(there.into())
     }
 
     /// The scene in a pose. `poses`: of the same surfaces at other times, if they move (`Geometry::poses`). `path` is

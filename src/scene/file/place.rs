@@ -14,6 +14,24 @@ impl Model {
     /// # Errors
     /// `File` for a vertex or an index that makes no sense, or when no triangle has an area.
     pub fn geometry(&self, path: &Path, pose: &Pose, moves: bool, census: &mut Census) -> Result<Geometry> {
+        let (builder, names) = self.collected(path, pose, moves)?;
+        census.zero_area = builder.rejected.zero_area;
+        let geometry = builder.finish(names).map_err(|e| Error::file(path, e.to_string(), e.help()))?;
+        census.triangles = geometry.corners.len();
+        Ok(geometry)
+    }
+
+    /// As `geometry`; `None` when no triangle has an area.
+    ///
+    /// # Errors
+    /// `File` for a vertex or an index that makes no sense.
+    pub(super) fn geometry_if_any(&self, path: &Path, pose: &Pose) -> Result<Option<Geometry>> {
+        let (builder, names) = self.collected(path, pose, true)?;
+        Ok(builder.finish(names).ok())
+    }
+
+    /// All triangles, and the names of materials.
+    fn collected(&self, path: &Path, pose: &Pose, moves: bool) -> Result<(GeometryBuilder, Vec<String>)> {
         let mut builder = if moves { GeometryBuilder::of_moving() } else { GeometryBuilder::default() };
         for node in self.motion.nodes() {
             let Some(object) = &self.objects[node] else { continue };
@@ -45,11 +63,7 @@ impl Model {
                 builder.add(number, &mesh, world).map_err(damaged)?;
             }
         }
-        census.zero_area = builder.rejected.zero_area;
-        let names = self.materials.iter().map(|m| m.name.clone()).collect();
-        let geometry = builder.finish(names).map_err(|e| Error::file(path, e.to_string(), e.help()))?;
-        census.triangles = geometry.corners.len();
-        Ok(geometry)
+        Ok((builder, self.materials.iter().map(|m| m.name.clone()).collect()))
     }
 
     pub(super) fn lights_and_cameras(&self, path: &Path, pose: &Pose) -> Result<(Vec<Light>, Vec<Camera>)> {
