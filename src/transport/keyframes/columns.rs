@@ -13,7 +13,7 @@ use glam::{Vec3, Vec4};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-/// No sample of the keyframe lies on that object.
+/// No sample of the keyframe lies near by on that object.
 const NONE: u32 = u32::MAX;
 
 /// Whether the columns of edits stand for the gather samples of `here`.
