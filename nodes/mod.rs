@@ -10,6 +10,7 @@ pub mod directionality;
 pub mod environment;
 pub mod environment_image;
 pub mod falloff;
+pub mod final_gather;
 pub mod grade;
 pub mod illumination_brush;
 pub mod indirect_shadow;
@@ -83,6 +84,7 @@ pub const ALL: &[NodeType] = &[
     NodeType::of::<write_edits::WriteEdits>(),
     NodeType::of::<scale_offset::ScaleOffset>(),
     NodeType::of::<relight::Relight>(),
+    NodeType::of::<final_gather::FinalGather>(),
     NodeType::of::<visibility::Visibility>(),
     NodeType::of::<transport::Transport>(),
     NodeType::of::<localize_light::LocalizeLight>(),

@@ -1,5 +1,5 @@
-// What each view sample sees. Twin of src/kernels/primary_visibility.rs; uses shared/grid.wgsl, shared/bvh.wgsl.
-// One invocation a sample.
+// What each view sample sees. Twin of src/kernels/primary_visibility.rs; uses shared/grid.wgsl, shared/bvh.wgsl,
+// shared/surface.wgsl. One invocation a sample.
 
 struct Params {
     position: vec3<f32>,
@@ -55,23 +55,4 @@ fn primary_visibility(
     }
     points[n] = surface_point(hit);
     barycentrics[n] = vec2(hit.u, hit.v);
-}
-
-fn surface_point(hit: Hit) -> SurfacePoint {
-    let w = 1.0 - hit.u - hit.v;
-    let first = 9u * hit.triangle;
-    var position = vec3(0.0);
-    var normal = vec3(0.0);
-    for (var axis = 0u; axis < 3u; axis++) {
-        let at = first + axis;
-        position[axis] = corners[at] * w + corners[at + 3u] * hit.u + corners[at + 6u] * hit.v;
-        normal[axis] = normals[at] * w + normals[at + 3u] * hit.u + normals[at + 6u] * hit.v;
-    }
-    let side = select(-1.0, 1.0, hit.front);
-    let area_vector = cross(facets[hit.facet].edge_u, facets[hit.facet].edge_v);
-    let geometric = normalize_or(area_vector, vec3(0.0)) * side;
-    let shading = normalize_or(normal * side, geometric);
-    return SurfacePoint(
-        position, object[hit.triangle], shading, material[hit.triangle], geometric, hit.triangle,
-    );
 }

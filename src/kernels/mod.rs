@@ -6,6 +6,7 @@
 //! slice, one vector after another. The CPU bodies are bit-identical for any number of threads.
 
 pub mod average_pyramid;
+pub mod blocked_rays;
 pub mod colour_edits;
 pub mod direct_light;
 pub mod entry_ways;
@@ -28,11 +29,13 @@ mod shared {
 pub mod sparse_product;
 pub mod surroundings;
 pub mod tone_map;
+pub mod trace_rays;
 pub mod transfer_points;
 pub mod transfer_rows;
 pub mod visibility_masks;
 
 pub use average_pyramid::average_pyramid;
+pub use blocked_rays::blocked_rays;
 pub use colour_edits::colour_edits;
 pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
@@ -46,6 +49,7 @@ pub use scaled_product::scaled_product;
 pub use sparse_product::sparse_product;
 pub use surroundings::surroundings;
 pub use tone_map::tone_map;
+pub use trace_rays::trace_rays;
 pub use visibility_masks::visibility_masks;
 
 use crate::device::Kernel;
@@ -60,6 +64,9 @@ const RAY_SHADERS: &[&str] = &[
     include_str!("../../shaders/shared/sampling.wgsl"),
 ];
 
+/// The shared WGSL of kernels that find points of surfaces.
+const SURFACE_SHADERS: &[&str] = &[RAY_SHADERS[0], RAY_SHADERS[1], include_str!("../../shaders/shared/surface.wgsl")];
+
 /// The shared WGSL of kernels that credit rays to gather samples.
 const CREDIT_SHADERS: &[&str] =
     &[RAY_SHADERS[0], RAY_SHADERS[1], RAY_SHADERS[2], include_str!("../../shaders/shared/credit.wgsl")];
@@ -67,6 +74,7 @@ const CREDIT_SHADERS: &[&str] =
 /// Every kernel, in the order of the alphabet.
 pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
+    &blocked_rays::KERNEL,
     &colour_edits::KERNEL,
     &direct_light::KERNEL,
     &entry_ways::KERNEL,
@@ -86,6 +94,7 @@ pub const ALL: &[&Kernel] = &[
     &sparse_product::KERNEL,
     &surroundings::KERNEL,
     &tone_map::KERNEL,
+    &trace_rays::KERNEL,
     &transfer_points::KERNEL,
     &transfer_rows::KERNEL,
     &visibility_masks::KERNEL,

@@ -4,6 +4,7 @@
 //! Output: W x H x samples `SurfacePoint`s, row-major, samples of a pixel together; `NOWHERE` where the ray leaves.
 //! Beside each: barycentrics of the hit, for textures.
 
+use super::SURFACE_SHADERS;
 #[cfg(feature = "gpu")]
 use super::{RAYS, fits_the_shader, pages};
 #[cfg(feature = "gpu")]
@@ -37,7 +38,7 @@ uniform! {
 
 pub const KERNEL: Kernel = Kernel {
     name: "primary_visibility",
-    shared: &[include_str!("../../shaders/shared/grid.wgsl"), include_str!("../../shaders/shared/bvh.wgsl")],
+    shared: SURFACE_SHADERS,
     source: include_str!("../../shaders/primary_visibility.wgsl"),
     workgroup: [64, 1, 1],
     uniform: Params::UNIFORM,

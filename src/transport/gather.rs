@@ -68,6 +68,13 @@ impl Gather {
         self.area.sqrt()
     }
 
+    /// The sample nearest to a place of a triangle's side; `None` on a dead one.
+    pub fn nearest(&self, triangle: u32, [u, v]: [f32; 2], front: bool) -> Option<u32> {
+        let side = self.sides[triangle as usize];
+        let cells = if front { side[0] } else { side[1] };
+        (cells != DEAD).then(|| self.cells[(cells + cell_index(u, v, side[2])) as usize])
+    }
+
     /// Places `count` samples (a power of two, 2 to 2^20) on the live sides.
     pub fn place(geometry: &Geometry, live: &Live, count: usize) -> Result<Self> {
         if !count.is_power_of_two() || !(2..=1 << 20).contains(&count) {
@@ -93,7 +100,7 @@ impl Gather {
         let points: Vec<SurfacePoint> = addresses.iter().map(|at| point(geometry, at)).collect();
         let barycentrics: Vec<[f32; 2]> = addresses.iter().map(|at| [at.u, at.v]).collect();
         let area = (area / count as f64) as f32;
-        let (sides, cells) = cells(geometry, live, &points, area);
+        let (sides, cells) = cells(geometry, live, &points, (area, CELLS));
         let radius2 = cluster::squared_radii(&points);
         Ok(Self {
             points: points.into(),
@@ -103,6 +110,35 @@ impl Gather {
             sides: sides.into(),
             cells: cells.into(),
         })
+    }
+}
+
+/// Cells of triangles to a sample.
+const CELLS: f32 = 8.0;
+
+/// Which of given gather samples is the nearest, anywhere on the live sides; cells as `Gather` has them, fewer.
+pub struct NearestSample(Gather);
+
+impl NearestSample {
+    /// `addresses`: side (see `sampled::ViewPlaces`) and barycentrics of each sample.
+    pub fn new(geometry: &Geometry, live: &Live, sides: &[u32], barycentrics: &[[f32; 2]]) -> Self {
+        let poses = geometry.over_time();
+        let areas = live_list(&poses[0], live).map(|(triangle, _)| f64::from(largest_area(poses, triangle)));
+        let area = (areas.sum::<f64>() / sides.len().max(1) as f64) as f32;
+        let point =
+            |(side, at): (&u32, &[f32; 2])| geometry.surface_point((side / 2) as usize, at[0], at[1], side % 2 == 0);
+        let points: Vec<SurfacePoint> = sides.iter().zip(barycentrics).map(point).collect();
+        let (sides, cells) = cells(geometry, live, &points, (area, 0.25 * CELLS));
+        Self(Gather { points: points.into(), sides: sides.into(), cells: cells.into(), area, ..Gather::default() })
+    }
+
+    pub fn points(&self) -> &[SurfacePoint] {
+        &self.0.points
+    }
+
+    /// See `Gather::nearest`.
+    pub fn at(&self, triangle: u32, barycentrics: [f32; 2], front: bool) -> Option<u32> {
+        self.0.nearest(triangle, barycentrics, front)
     }
 }
 
@@ -168,9 +204,14 @@ fn scatter(geometry: &Geometry, live: &Live, areas: &[f32], count: usize, total:
     addresses
 }
 
-/// Cuts each live triangle side into k² equal small triangles, about eight to a sample, and finds the nearest sample of
+/// Cuts each live triangle side into k² equal small triangles, about `each` to a sample, and finds the nearest sample of
 /// each, of the same object and material if it can be, that no surface hides; a ray's hit then costs one look-up.
-fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -> (Vec<[u32; 4]>, Vec<u32>) {
+fn cells(
+    geometry: &Geometry,
+    live: &Live,
+    points: &[SurfacePoint],
+    (area, each): (f32, f32),
+) -> (Vec<[u32; 4]>, Vec<u32>) {
     let normal_scale = 4.0 * area.sqrt();
     // The same in all frames: what stands still keeps its cells.
     let (low, high) = geometry.bounds_over_time();
@@ -184,7 +225,7 @@ fn cells(geometry: &Geometry, live: &Live, points: &[SurfacePoint], area: f32) -
     let mut jobs = Vec::new();
     let mut total = 0u32;
     for (triangle, side) in sides.iter_mut().enumerate() {
-        let k = (geometry.area(triangle) * 8.0 / area).sqrt().ceil().clamp(1.0, 4096.0) as u32;
+        let k = (geometry.area(triangle) * each / area).sqrt().ceil().clamp(1.0, 4096.0) as u32;
         side[2] = k;
         for (bit, front) in [(1, true), (2, false)] {
             if live[triangle] & bit != 0 {

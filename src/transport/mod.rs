@@ -8,6 +8,7 @@ pub mod cluster;
 pub mod compress;
 pub mod edits;
 pub mod feature;
+pub mod final_gather;
 pub mod gather;
 pub mod glossy;
 pub mod hidden;

@@ -8,7 +8,7 @@ use crate::scene::Geometry;
 use crate::transport::Samples;
 use crate::transport::blocks::{Block, Blocks, Kind};
 use crate::transport::caster::Caster;
-use crate::transport::gather::Gather;
+use crate::transport::gather::{Gather, Live};
 use crate::transport::glossy::Gloss;
 use crate::transport::rows::{self, Spacing};
 use crate::transport::sides::live_sides;
@@ -122,21 +122,7 @@ pub fn precompute(
     let (rows, mut cost) = caster.finish()?;
     let between = match settings.bounces {
         1 => None,
-        _ if !geometry.poses.is_empty() => Some(between(device, geometry, &gather, settings, blocks, progress)?),
-        _ => {
-            // When only the camera moves, they stay.
-            let settled = serde_json::to_vec(settings).expect("settings are plain data");
-            let key = Key::of(&[b"between gather samples", &geometry.fingerprint, &live, &settled]);
-            let bytes = |(rows, _): &(SparseRows, Cost)| rows.bytes();
-            let mut is_new = false;
-            let make = || {
-                is_new = true;
-                between(device, geometry, &gather, settings, blocks, progress)
-            };
-            let (rows, cost) = &*blocks.memo.remember(key, bytes, make)?;
-            let found = if is_new { *cost } else { Cost { rays: 0, found: rows.rows(), ..*cost } };
-            Some((rows.clone(), found))
-        }
+        _ => Some(rows_between(device, geometry, (&gather, &live), settings, blocks, progress)?),
     };
     let between = between.map(|(rows, more)| {
         cost.rays += more.rays;
@@ -161,7 +147,31 @@ pub fn precompute(
     Ok((transfer, cost))
 }
 
-/// The rows between gather samples.
+/// The rows between gather samples, and what they cost. When only the camera moves, they stay.
+pub fn rows_between(
+    device: &Device,
+    geometry: &Geometry,
+    (gather, live): (&Gather, &Live),
+    settings: &Settings,
+    blocks: &Blocks,
+    progress: Progress,
+) -> Result<(SparseRows, Cost)> {
+    if !geometry.poses.is_empty() {
+        return between(device, geometry, gather, settings, blocks, progress);
+    }
+    let settled = serde_json::to_vec(settings).expect("settings are plain data");
+    let key = Key::of(&[b"between gather samples", &geometry.fingerprint, live, &settled]);
+    let bytes = |(rows, _): &(SparseRows, Cost)| rows.bytes();
+    let mut is_new = false;
+    let make = || {
+        is_new = true;
+        between(device, geometry, gather, settings, blocks, progress)
+    };
+    let (rows, cost) = &*blocks.memo.remember(key, bytes, make)?;
+    let found = if is_new { *cost } else { Cost { rays: 0, found: rows.rows(), ..*cost } };
+    Ok((rows.clone(), found))
+}
+
 fn between(
     device: &Device,
     geometry: &Geometry,

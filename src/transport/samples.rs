@@ -43,6 +43,27 @@ impl Samples {
         per_pixel: u32,
     ) -> Result<Self> {
         let (across, down) = split(per_pixel.max(1));
+        let middle = |i: u32, n: u32| (i as f32 + 0.5) / n as f32;
+        let offsets: Vec<[f32; 2]> =
+            (0..down).flat_map(|y| (0..across).map(move |x| [middle(x, across), middle(y, down)])).collect();
+        Ok(Self {
+            across: across as usize,
+            down: down as usize,
+            ..Self::through(device, geometry, camera, size, &offsets)?
+        })
+    }
+
+    /// Shoots a ray through each of these places of every pixel, each in [0, 1)².
+    ///
+    /// Errors: as `view`.
+    pub fn through(
+        device: &Device,
+        geometry: &Geometry,
+        camera: &Camera,
+        size: (u32, u32),
+        offsets: &[[f32; 2]],
+    ) -> Result<Self> {
+        let per_pixel = offsets.len() as u32;
         let count = u64::from(size.0) * u64::from(size.1) * u64::from(per_pixel);
         if count >= 1 << 31 {
             let message = format!("{} x {} pixels with {per_pixel} samples are more than 2^31", size.0, size.1);
@@ -51,15 +72,12 @@ impl Samples {
         // Each as it is found and as it is kept.
         let what = format!("{} x {} pixels with {per_pixel} samples", size.0, size.1);
         memory::require(2 * Self::BYTES * count, &what, "lower width, height or samples_per_pixel")?;
-        let middle = |i: u32, n: u32| (i as f32 + 0.5) / n as f32;
-        let offsets: Vec<[f32; 2]> =
-            (0..down).flat_map(|y| (0..across).map(move |x| [middle(x, across), middle(y, down)])).collect();
-        let visible = primary_visibility(device, geometry, camera, size, &offsets)?;
+        let visible = primary_visibility(device, geometry, camera, size, offsets)?;
         Ok(Self {
             width: size.0 as usize,
             height: size.1 as usize,
-            across: across as usize,
-            down: down as usize,
+            across: offsets.len(),
+            down: 1,
             camera: camera.clone(),
             atlas: None,
             geometry: geometry.fingerprint,

@@ -2,7 +2,7 @@
 
 use crate::scene::bvh::{Hit, Ray};
 use crate::scene::{Geometry, SurfacePoint};
-use crate::transport::gather::{DEAD, Gather, cell_index};
+use crate::transport::gather::Gather;
 use crate::transport::sampling;
 use glam::{Vec2, Vec3};
 
@@ -17,16 +17,11 @@ pub fn unit_ray(point: &SurfacePoint, at: Vec2, lift: f32) -> Ray {
 
 /// The gather sample nearest to a hit, as the point sees it; `None` on a dead side. `spacing`: between gather samples.
 pub fn leaf(geometry: &Geometry, gather: &Gather, point: &SurfacePoint, hit: &Hit, spacing: f32) -> Option<u32> {
-    let side = gather.sides[hit.triangle as usize];
-    let cells = if hit.front { side[0] } else { side[1] };
-    if cells == DEAD {
-        return None;
-    }
-    let leaf = gather.cells[(cells + cell_index(hit.u, hit.v, side[2])) as usize];
+    let leaf = gather.nearest(hit.triangle, [hit.u, hit.v], hit.front)?;
     if behind(point, &gather.points[leaf as usize]) {
         // The cell straddles the row's own surface: look again half a sample further out.
         let (u, v) = nudged(geometry, hit, Vec3::from(point.geometric_normal) * spacing);
-        let other = gather.cells[(cells + cell_index(u, v, side[2])) as usize];
+        let other = gather.nearest(hit.triangle, [u, v], hit.front)?;
         if !behind(point, &gather.points[other as usize]) {
             return Some(other);
         }

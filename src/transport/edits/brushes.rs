@@ -48,3 +48,33 @@ impl IlluminationBrush {
         self.matrix() == Mat3::IDENTITY
     }
 }
+
+/// What source brushes do together at some points: `B' = scale B + offset`; empty for nothing.
+#[derive(Clone, Debug, Default)]
+pub struct SourceChange {
+    pub scale: Vec<f32>,
+    /// W/m².
+    pub offset: Vec<Vec3>,
+}
+
+impl SourceChange {
+    /// One more brush, after the others; `weights`: at all `count` points, `None` for 1.
+    pub fn add(&mut self, brush: &SourceBrush, weights: Option<&[f32]>, count: usize) {
+        self.scale.resize(count, 1.0);
+        self.offset.resize(count, Vec3::ZERO);
+        for (i, (scale, offset)) in self.scale.iter_mut().zip(&mut self.offset).enumerate() {
+            let weight = weights.map_or(1.0, |weights| weights[i]);
+            let factor = 1.0 + weight * (brush.scale - 1.0);
+            *scale *= factor;
+            *offset = *offset * factor + brush.offset * weight;
+        }
+    }
+
+    pub fn scale(&self, i: usize) -> f32 {
+        self.scale.get(i).copied().unwrap_or(1.0)
+    }
+
+    pub fn offset(&self, i: usize) -> Vec3 {
+        self.offset.get(i).copied().unwrap_or(Vec3::ZERO)
+    }
+}

@@ -16,7 +16,7 @@
 mod brushes;
 mod transit;
 
-pub use brushes::{IlluminationBrush, SourceBrush};
+pub use brushes::{IlluminationBrush, SourceBrush, SourceChange};
 pub use transit::{Block, Change, Colour, Transit};
 
 use crate::scene::Fingerprint;

@@ -12,7 +12,7 @@
 //! Rows are wanted where the transfer of this frame has its own, for each of its rows once (`rows`).
 
 mod columns;
-mod reproject;
+pub(in crate::transport) mod reproject;
 mod rows;
 
 pub use reproject::{Found, Reach, reproject};

@@ -37,11 +37,11 @@ impl Reach {
         if point.exists() { Self::one(Found::Seen, 0) } else { Self::none(Found::NoSurface) }
     }
 
-    const fn none(found: Found) -> Self {
+    pub(in crate::transport) const fn none(found: Found) -> Self {
         Self { found, samples: [0; 3], weights: [0.0; 3] }
     }
 
-    fn one(found: Found, sample: u32) -> Self {
+    pub(in crate::transport) fn one(found: Found, sample: u32) -> Self {
         Self { found, samples: [sample; 3], weights: [1.0, 0.0, 0.0] }
     }
 }
@@ -49,7 +49,7 @@ impl Reach {
 /// Neighbours that are looked through for three that are turned alike.
 const NEIGHBOURS: usize = 12;
 /// Cosine of the angle between normals from which on two places are turned alike.
-const ALIKE: f32 = 0.7;
+pub(in crate::transport) const ALIKE: f32 = 0.7;
 /// A place was seen when the nearest sample lies within this times the distances between samples, then and now.
 const WITHIN: f32 = 0.75;
 /// Turning by 90 degrees is as far as six distances between samples.
@@ -102,7 +102,7 @@ impl Eye {
 }
 
 /// The view samples of a keyframe where their surfaces are now.
-struct Carried {
+pub(in crate::transport) struct Carried {
     position: Vec<Vec3>,
     normal: Vec<Vec3>,
     /// Distance to the next sample when it was seen, metres.
@@ -114,7 +114,7 @@ struct Carried {
 }
 
 impl Carried {
-    fn new(geometry: &Geometry, key: &Sampled) -> Self {
+    pub fn new(geometry: &Geometry, key: &Sampled) -> Self {
         let (view, camera) = (&key.view, &key.origin.camera);
         let eye = Eye::new(camera.position, camera.fov_y, key.origin.height * key.origin.down);
         let place = |i: usize| {
@@ -148,7 +148,7 @@ impl Carried {
     }
 
     /// `footprint`: distance between this frame's samples there.
-    fn reach(&self, point: &SurfacePoint, footprint: f32) -> Reach {
+    pub fn reach(&self, point: &SurfacePoint, footprint: f32) -> Reach {
         let Some((members, tree)) = &self.objects[point.object as usize] else { return Reach::none(Found::Nothing) };
         let (at, normal) = (Vec3::from(point.position), Vec3::from(point.normal));
         let query = feature(at, normal, self.centre, self.normal_scale);
@@ -174,7 +174,7 @@ impl Carried {
 
 /// Weights of three points for a place, seen along the normal; where the three are about in line or the place lies outside,
 /// what is possible: none is negative, and they sum to 1.
-fn barycentric(at: Vec3, normal: Vec3, [a, b, c]: [Vec3; 3]) -> [f32; 3] {
+pub(in crate::transport) fn barycentric(at: Vec3, normal: Vec3, [a, b, c]: [Vec3; 3]) -> [f32; 3] {
     let flat = |v: Vec3| v - normal * v.dot(normal);
     let (u, v, p) = (flat(b - a), flat(c - a), flat(at - a));
     let (uu, uv, vv) = (u.dot(u), u.dot(v), v.dot(v));

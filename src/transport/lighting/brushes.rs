@@ -6,8 +6,7 @@ use crate::Result;
 use crate::device::Array;
 use crate::memo::Key;
 use crate::transport::Selection;
-use crate::transport::edits::SourceBrush;
-use glam::Vec3;
+use crate::transport::edits::{SourceBrush, SourceChange};
 use std::sync::Arc;
 
 /// Names a brush.
@@ -17,36 +16,14 @@ pub fn digest(brush: &SourceBrush) -> [u8; 16] {
     Key::of(&[b"source", &selection, bytemuck::cast_slice(&numbers)]).0
 }
 
-/// All brushes as one scale and offset of each gather sample; empty for none.
-pub struct Brushes {
-    pub scale: Vec<f32>,
-    pub offset: Vec<Vec3>,
-}
-
-impl Brushes {
-    pub fn new(stage: &Stage, brushes: &[&SourceBrush], count: usize) -> Result<Self> {
-        let mut all = Self { scale: Vec::new(), offset: Vec::new() };
-        for brush in brushes {
-            all.scale.resize(count, 1.0);
-            all.offset.resize(count, Vec3::ZERO);
-            let weights = brush.selection.as_ref().map(|selection| stage.at_gather(selection)).transpose()?;
-            for (g, (scale, offset)) in all.scale.iter_mut().zip(&mut all.offset).enumerate() {
-                let weight = weights.as_ref().map_or(1.0, |weights| weights[g]);
-                let factor = 1.0 + weight * (brush.scale - 1.0);
-                *scale *= factor;
-                *offset = *offset * factor + brush.offset * weight;
-            }
-        }
-        Ok(all)
+/// All brushes at the gather samples.
+pub fn source_change(stage: &Stage, brushes: &[&SourceBrush]) -> Result<SourceChange> {
+    let mut all = SourceChange::default();
+    for brush in brushes {
+        let weights = brush.selection.as_ref().map(|selection| stage.at_gather(selection)).transpose()?;
+        all.add(brush, weights.as_ref().map(|weights| &weights[..]), stage.transfer.gather.count());
     }
-
-    pub fn scale(&self, g: usize) -> f32 {
-        self.scale.get(g).copied().unwrap_or(1.0)
-    }
-
-    pub fn offset(&self, g: usize) -> Vec3 {
-        self.offset.get(g).copied().unwrap_or(Vec3::ZERO)
-    }
+    Ok(all)
 }
 
 /// Gather samples that some brush touches, and all others: 1 each.

@@ -4,6 +4,7 @@ use super::Stage;
 use crate::Result;
 use crate::device::Array;
 use crate::image::{Content, Layer};
+use crate::scene::Camera;
 use crate::transport::{Edit, Edits, Sampled, Samples};
 use glam::{Mat3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -78,30 +79,49 @@ impl Shading<'_> {
     /// The layers that change with light: beauty, `direct` and `indirect` (radiance, albedo included), box-filtered over
     /// the samples of a pixel.
     pub fn layers(&self) -> Vec<Layer> {
+        light_layers(&self.resolved())
+    }
+
+    /// Direct and indirect radiance of each pixel; the fourth element of direct light is coverage.
+    pub fn resolved(&self) -> [Vec<Vec4>; 2] {
         let direct = self.samples.resolve(|i| {
             let diffuse = rgb(self.reflectance[i]) * rgb(self.direct[i]) * FRAC_1_PI;
             let highlight = self.highlight.get(i).map_or(Vec3::ZERO, |h| rgb(*h));
             // The fourth element counts coverage.
             (diffuse + highlight + (self.emission)(i)).extend(self.reflectance[i][3])
         });
-        let indirect = self.samples.resolve(|i| rgb(self.indirect[i]).extend(0.0));
-        let pixels = direct.len();
-        vec![
-            layer("", &["R", "G", "B", "A"], Content::Colour, pixels, |p| (direct[p] + indirect[p]).to_array()),
-            layer("direct", &["R", "G", "B"], Content::Colour, pixels, |p| direct[p].truncate().to_array()),
-            layer("indirect", &["R", "G", "B"], Content::Colour, pixels, |p| indirect[p].truncate().to_array()),
-        ]
+        [direct, self.samples.resolve(|i| rgb(self.indirect[i]).extend(0.0))]
     }
+}
+
+/// The layers of `Shading::resolved`.
+pub fn light_layers([direct, indirect]: &[Vec<Vec4>; 2]) -> Vec<Layer> {
+    let pixels = direct.len();
+    vec![
+        layer("", &["R", "G", "B", "A"], Content::Colour, pixels, |p| (direct[p] + indirect[p]).to_array()),
+        layer("direct", &["R", "G", "B"], Content::Colour, pixels, |p| direct[p].truncate().to_array()),
+        layer("indirect", &["R", "G", "B"], Content::Colour, pixels, |p| indirect[p].truncate().to_array()),
+    ]
 }
 
 /// The layers that light does not change: `albedo`, `P`, `N`, `Z`. P, N and Z are averages over those samples of a pixel
 /// that hit something; Z is the distance along the camera's axis, 0 where there is nothing.
 pub fn surface_layers(samples: &Samples, reflectance: &[[f32; 4]]) -> Vec<Layer> {
-    let albedo = samples.resolve(|i| Vec4::from_array(reflectance[i]));
+    place_layers(&samples.camera, &resolved_surface(samples, reflectance))
+}
+
+/// Reflectance (with coverage), position and normal of each pixel.
+pub fn resolved_surface(samples: &Samples, reflectance: &[[f32; 4]]) -> [Vec<Vec4>; 3] {
     let points = &samples.points;
-    let camera = &samples.camera;
-    let position = samples.resolve(|i| Vec3::from(points[i].position).extend(0.0));
-    let normal = samples.resolve(|i| Vec3::from(points[i].normal).extend(0.0));
+    [
+        samples.resolve(|i| Vec4::from_array(reflectance[i])),
+        samples.resolve(|i| Vec3::from(points[i].position).extend(0.0)),
+        samples.resolve(|i| Vec3::from(points[i].normal).extend(0.0)),
+    ]
+}
+
+/// The layers of `resolved_surface`.
+pub fn place_layers(camera: &Camera, [albedo, position, normal]: &[Vec<Vec4>; 3]) -> Vec<Layer> {
     let place = |p: usize| if albedo[p].w > 0.0 { position[p].truncate() / albedo[p].w } else { Vec3::ZERO };
     let depth = |p: usize| match albedo[p].w {
         covered if covered > 0.0 => (camera.position - place(p)).dot(camera.world_from_camera.z_axis),

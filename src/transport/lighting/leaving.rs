@@ -1,13 +1,13 @@
 //! Light that leaves the gather samples: direct light, source brushes, bounces.
 
 use super::Stage;
-use super::brushes::{Brushes, Touched, digest};
+use super::brushes::{Touched, digest, source_change};
 use super::positions::TILE;
 use super::shares::Shares;
 use crate::Result;
 use crate::memo::Key;
 use crate::transport::Edits;
-use crate::transport::edits::SourceBrush;
+use crate::transport::edits::{SourceBrush, SourceChange};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -57,7 +57,7 @@ pub fn leaving(
     let key = sampled.map_or(key, |sampled| Key::of(&[b"sampled", &key.0, &sampled.digest()]));
     let bytes = |leaving: &Leaving| super::VEC4 * leaving.exitance.len() as u64;
     stage.memo.remember(key, bytes, || {
-        let all = Brushes::new(stage, &brushes, reflectance.len())?;
+        let all = source_change(stage, &brushes)?;
         let mut exitance = exitance(stage, &irradiance()?, reflectance, &all)?;
         if let Some(sampled) = sampled {
             sampled.source.apply(&mut exitance, 1);
@@ -79,7 +79,7 @@ fn exitance(
     stage: &Stage,
     irradiance: &[[f32; 4]],
     reflectance: &[[f32; 4]],
-    brush: &Brushes,
+    brush: &SourceChange,
 ) -> Result<Vec<[f32; 4]>> {
     let reflect = |irradiance: &[[f32; 4]]| -> Vec<[f32; 4]> {
         let light = irradiance.par_iter().zip(reflectance).with_min_len(TILE).enumerate();
@@ -105,6 +105,6 @@ fn add(a: [f32; 4], b: Vec4) -> [f32; 4] {
 /// All source brushes of a list as one scale and offset of each gather sample; for one bounce, `B' = scale B + offset`.
 pub fn source_vectors(stage: &Stage, edits: &Edits) -> Result<(Vec<f32>, Vec<Vec3>)> {
     let brushes: Vec<&SourceBrush> = edits.source().collect();
-    let Brushes { scale, offset } = Brushes::new(stage, &brushes, stage.transfer.gather.count())?;
+    let SourceChange { scale, offset } = source_change(stage, &brushes)?;
     Ok((scale, offset))
 }

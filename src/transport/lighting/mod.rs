@@ -36,7 +36,7 @@ mod transit;
 pub use indirect::{Indirect, Told};
 pub use lane::{GlossyLanes, Lane};
 pub(in crate::transport) use layers::layer;
-pub use layers::{Shading, indirect_radiance, surface_layers};
+pub use layers::{Shading, indirect_radiance, light_layers, place_layers, resolved_surface, surface_layers};
 pub use leaving::{Leaving, leaving, source_vectors};
 pub use paths::{Light, Paths};
 pub use positions::Positions;

@@ -88,27 +88,12 @@ impl Origin {
 
     /// What is different here, in words; nothing when edits that were sampled for `self` apply.
     pub fn differences(&self, here: &Origin) -> Vec<String> {
-        let mut found = Vec::new();
+        let mut found = self.scene_differences(&here.geometry, here.triangles, &here.objects, here.bounds);
         let mut note = |differs: bool, what: &dyn Fn() -> String| {
             if differs {
                 found.push(what());
             }
         };
-        note(self.triangles != here.triangles, &|| format!("triangles {}, here {}", self.triangles, here.triangles));
-        let names = |origin: &Origin| origin.objects.iter().cloned().collect::<BTreeSet<_>>();
-        let (before, now) = (names(self), names(here));
-        note(before.difference(&now).next().is_some(), &|| {
-            format!("objects missing: {}", few(before.difference(&now)))
-        });
-        note(now.difference(&before).next().is_some(), &|| format!("objects new: {}", few(now.difference(&before))));
-        note(self.bounds != here.bounds, &|| {
-            let [a, b] = self.bounds;
-            let [c, d] = here.bounds;
-            format!("bounds {a} to {b} m, here {c} to {d} m")
-        });
-        let scene = self.geometry != here.geometry;
-        let alike = (self.triangles, &before, self.bounds) == (here.triangles, &now, here.bounds);
-        note(scene && alike, &|| "surfaces have moved, or are called or made differently".to_owned());
         let pixels = |origin: &Origin| format!("{} x {}", origin.width, origin.height);
         note(pixels(self) != pixels(here), &|| format!("resolution {}, here {}", pixels(self), pixels(here)));
         let samples = |origin: &Origin| format!("{} x {}", origin.across, origin.down);
@@ -133,9 +118,55 @@ impl Origin {
         }
         found
     }
+
+    /// What of the scene is different there: its fingerprint, number of triangles, objects, bounds.
+    fn scene_differences(
+        &self,
+        geometry: &str,
+        triangles: usize,
+        objects: &[String],
+        bounds: [Vec3; 2],
+    ) -> Vec<String> {
+        let mut found = Vec::new();
+        let mut note = |differs: bool, what: &dyn Fn() -> String| {
+            if differs {
+                found.push(what());
+            }
+        };
+        note(self.triangles != triangles, &|| format!("triangles {}, here {triangles}", self.triangles));
+        let names = |objects: &[String]| objects.iter().cloned().collect::<BTreeSet<_>>();
+        let (before, now) = (names(&self.objects), names(objects));
+        note(before.difference(&now).next().is_some(), &|| {
+            format!("objects missing: {}", few(before.difference(&now)))
+        });
+        note(now.difference(&before).next().is_some(), &|| format!("objects new: {}", few(now.difference(&before))));
+        note(self.bounds != bounds, &|| {
+            let ([a, b], [c, d]) = (self.bounds, bounds);
+            format!("bounds {a} to {b} m, here {c} to {d} m")
+        });
+        if found.is_empty() && self.geometry != geometry {
+            found.push("surfaces have moved, or are called or made differently".to_owned());
+        }
+        found
+    }
 }
 
 impl Sampled {
+    /// # Errors
+    /// `Compute` when the edits were sampled for another scene; any view and any transfer of it will do.
+    pub fn check_scene(&self, geometry: &Geometry) -> Result<()> {
+        let Geometry { objects, corners, .. } = geometry;
+        let bounds = geometry.bounds().into();
+        let differences = self.origin.scene_differences(&hex(&geometry.fingerprint), corners.len(), objects, bounds);
+        if differences.is_empty() {
+            return Ok(());
+        }
+        Err(Error::compute(
+            format!("the edits were sampled for another scene: {}", differences.join("; ")),
+            "connect the scene that they were sampled for, or sample them anew with scale_offset",
+        ))
+    }
+
     /// # Errors
     /// `Compute` when the edits were sampled for another scene, view or transfer: it says what differs.
     pub fn check(&self, geometry: &Geometry, transfer: &Transfer) -> Result<()> {

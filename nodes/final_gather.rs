@@ -1,0 +1,121 @@
+//! The offline renderer (thesis 5.5.3): any resolution, any samples a pixel, indirect light by final gathering.
+
+use crate::Result;
+use crate::image::Image;
+use crate::node::{Info, Inputs, Job, Key, Node, Port};
+use crate::nodes::camera;
+use crate::scene::Material;
+use crate::transport::final_gather::{Bounces, Crossing, Incident, Renderer, Seen, Settings, SourceEdits};
+use crate::transport::{Edits, Samples};
+use crate::value::{Kind, Value};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FinalGather {
+    /// Of the picture.
+    #[schemars(range(min = 1, max = 65536), extend("unit" = "pixels"))]
+    pub width: u32,
+    /// Of the picture.
+    #[schemars(range(min = 1, max = 65536), extend("unit" = "pixels"))]
+    pub height: u32,
+    /// Rays through each pixel, spread evenly over it.
+    #[schemars(range(min = 1, max = 4096))]
+    pub samples_per_pixel: u32,
+    /// Asked relative error of indirect light (root mean square over the mean): places and rays of the cache follow from
+    /// it.
+    #[schemars(range(min = 0.001, max = 1.0))]
+    pub tolerance: f32,
+    /// Most rays that gather the light of one place, whatever the tolerance.
+    #[schemars(range(min = 64, max = 1048576))]
+    pub rays: u32,
+    /// Times that light is reflected before it reaches the view.
+    #[schemars(range(min = 1, max = 64))]
+    pub bounces: u32,
+    /// Greatest error that a place of the irradiance cache may have where it counts (`a` of Ward et al. 1988) in the first
+    /// picture; finer ones follow. 0: no cache, light is gathered at every sample.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub cache_error: f32,
+    /// Shadow rays a pixel towards surfaces and rectangles that emit.
+    #[schemars(range(min = 1, max = 4096))]
+    pub light_samples: u32,
+}
+
+impl Default for FinalGather {
+    fn default() -> Self {
+        Self {
+            width: 640,
+            height: 480,
+            samples_per_pixel: 16,
+            tolerance: 0.02,
+            rays: 8192,
+            bounces: 1,
+            cache_error: 0.5,
+            light_samples: 16,
+        }
+    }
+}
+
+impl Node for FinalGather {
+    const INFO: Info = Info {
+        name: "final_gather",
+        category: "indirect light",
+        summary: "Direct and indirect light at final quality, with edits: the offline renderer",
+        inputs: &[
+            Port::new("scene", Kind::Scene, "What is seen, and what lights it"),
+            Port::new("camera", Kind::Camera, "Where from; without it, the scene's first camera").optional(),
+            Port::new("edits", Kind::Edits, "What to change").optional(),
+        ],
+        outputs: &[Port::new("image", Kind::Image, "beauty, and layers direct, indirect, albedo, P, N, Z")],
+        stored: true,
+        ..Info::NEW
+    };
+
+    fn run(&self, inputs: &Inputs, job: &Job) -> Result<Vec<Value>> {
+        let (geometry, materials) = (inputs.geometry("scene")?, inputs.materials("scene")?);
+        let (lights, cameras) = (inputs.lights("scene")?, inputs.cameras("scene")?);
+        let camera = match inputs.camera("camera") {
+            Some(camera) => camera,
+            None => camera::first(&cameras)?,
+        };
+        let none = Arc::new(Edits::default());
+        let edits = inputs.edits("edits").unwrap_or(&none);
+        let mut incident = Incident::new(job.device, &geometry, &materials, &lights, SourceEdits::new(edits));
+        if self.bounces > 1 {
+            // Where the camera is says which sides of surfaces matter; a small picture does.
+            let seen = Samples::view(job.device, &geometry, camera, (128, 96), 1)?;
+            let key = Key::of(&[b"bounces", &geometry.fingerprint]);
+            incident.bounces =
+                Some(Bounces::new(&incident, &seen.points, self.bounces, (job.memo, key), job.progress)?);
+        }
+        let crossing = Crossing::new(&incident, edits, job.memo)?;
+        let seen = Seen {
+            camera,
+            edits,
+            size: (self.width, self.height),
+            materials: &materials,
+            gloss: materials.iter().map(Material::gloss).collect::<Vec<_>>().into(),
+            light_samples: self.light_samples.div_ceil(self.samples_per_pixel),
+        };
+        let settings = Settings {
+            samples_per_pixel: self.samples_per_pixel,
+            tolerance: self.tolerance,
+            rays: self.rays,
+            cache_error: self.cache_error,
+        };
+        let mut renderer = Renderer::new(&incident, &crossing, seen, settings)?;
+        while renderer.step(&job.progress)? {}
+        let cache = renderer.cache();
+        job.note("records", cache.records.len());
+        job.note("rays", cache.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
+        job.note("cache_error", cache.error());
+        job.note("error", renderer.estimate.error());
+        job.note("noise", renderer.estimate.noise);
+        job.note("interpolation", renderer.estimate.interpolation);
+        let layers = renderer.layers().expect("the first step made a picture");
+        let (width, height) = (self.width as usize, self.height as usize);
+        Ok(vec![Value::Image(Arc::new(Image { width, height, layers, ..Image::default() }))])
+    }
+}

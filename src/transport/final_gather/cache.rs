@@ -1,0 +1,273 @@
+//! The irradiance cache: records of light at some places, and what they say of light at others.
+//!
+//! Record i, of mean distance `R_i` to what it sees, counts at a place p with normal n by (Ward et al. 1988, eq. 6; thesis
+//! eq. 3.2)
+//!
+//! ```text
+//! w_i(p) = 1 / e_i(p) - 1 / a,   e_i(p) = |p - p_i| / R_i + sqrt(1 - n . n_i)
+//! ```
+//!
+//! where `e_i < a` and p does not lie in front of it; what is taken off makes weights fade out instead of ending. Each adds
+//! its light with its gradients. `R_i` is no larger than a neighbour's and the way to there (Křivánek et al. 2006), so that
+//! no record overlooks what its neighbours see; and no smaller than what the picture can show.
+
+use super::hemisphere::Gradients;
+use super::index::Index;
+use crate::scene::SurfacePoint;
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+/// A place of the cache, and what was gathered there.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    pub place: SurfacePoint,
+    /// Names its rays.
+    pub seed: u32,
+    /// Mean distance to what it sees, no larger than neighbours allow, m.
+    pub radius: f32,
+    /// About the width of a pixel there, m.
+    pub footprint: f32,
+    /// Rays so far.
+    pub rays: u32,
+    /// Mean squared error of its irradiance by the noise of its rays, all channels together.
+    pub variance: f32,
+}
+
+/// What records are looked up by, in one cache line.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    position: Vec3,
+    /// Beyond, it does not count, m².
+    reach2: f32,
+    normal: Vec3,
+    /// 1 / R.
+    inverse: f32,
+    variance: f32,
+}
+
+/// How a list of edits tells places apart.
+pub trait Receivers: Sync {
+    /// Weights a place.
+    fn count(&self) -> usize;
+    /// A record with weights `here` says nothing of a place with weights `there`.
+    fn part_ways(&self, here: &[f32], there: &[f32]) -> bool;
+}
+
+#[derive(Clone)]
+pub struct Cache<'a> {
+    /// `a`: the largest error that a record may have where it counts.
+    error: f32,
+    /// Of a pixel: what a record covers at least.
+    pixels: f32,
+    edits: &'a dyn Receivers,
+    pub records: Vec<Record>,
+    /// Weights of receivers, those of a record one after another.
+    pub receivers: Vec<f32>,
+    /// Of each record: its light, and the derivative by each receiver's weight.
+    pub light: Vec<Gradients>,
+    shapes: Vec<Shape>,
+    index: Index,
+}
+
+/// A place that is asked about.
+#[derive(Clone, Copy)]
+pub struct Spot<'a> {
+    pub point: &'a SurfacePoint,
+    /// Weight of each receiver there.
+    pub receivers: &'a [f32],
+}
+
+/// What the cache says of a place.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Found {
+    /// Irradiance, W/m².
+    pub light: Vec4,
+    /// Sum of weights; 0: nothing is known here.
+    pub weight: f32,
+    /// Mean squared error by noise.
+    pub variance: f32,
+}
+
+impl<'a> Cache<'a> {
+    pub fn new(error: f32, pixels: f32, edits: &'a dyn Receivers) -> Self {
+        Self {
+            error,
+            pixels,
+            edits,
+            records: Vec::new(),
+            receivers: Vec::new(),
+            light: Vec::new(),
+            shapes: Vec::new(),
+            index: Index::default(),
+        }
+    }
+
+    pub fn error(&self) -> f32 {
+        self.error
+    }
+
+    /// Parts of light that each record has.
+    pub fn parts(&self) -> usize {
+        1 + self.edits.count()
+    }
+
+    pub fn spot(&self, record: usize) -> Spot<'_> {
+        let count = self.edits.count();
+        Spot { point: &self.records[record].place, receivers: &self.receivers[record * count..][..count] }
+    }
+
+    /// Makes records count less far; `refresh` then.
+    pub fn tighten(&mut self, error: f32, pixels: f32) {
+        (self.error, self.pixels) = (error, pixels);
+    }
+
+    /// Adds records, and lets all of them see each other's distances.
+    pub fn extend(&mut self, records: Vec<Record>, receivers: Vec<f32>, light: Vec<Gradients>) {
+        debug_assert_eq!(light.len(), records.len() * self.parts());
+        let old = self.records.len();
+        self.records.extend(records);
+        self.receivers.extend(receivers);
+        self.light.extend(light);
+        self.refresh();
+        self.clamp(old);
+        self.refresh();
+    }
+
+    /// `R_i` of all that counts where records from `new` on lie, and of these themselves.
+    fn clamp(&mut self, new: usize) {
+        let records = &self.records;
+        let limited = |i: usize| {
+            let here = &records[i];
+            let at = Vec3::from(here.place.position);
+            let mut radius = here.radius;
+            self.index.near(at, |other| {
+                if (other as usize >= new || i >= new) && other as usize != i {
+                    let there = &records[other as usize];
+                    radius = radius.min(there.radius + at.distance(there.place.position.into()));
+                }
+                true
+            });
+            radius
+        };
+        let radii: Vec<f32> = (0..records.len()).into_par_iter().with_min_len(64).map(limited).collect();
+        self.records.iter_mut().zip(radii).for_each(|(record, radius)| record.radius = radius);
+    }
+
+    /// Makes look-ups follow the records.
+    pub fn refresh(&mut self) {
+        let (error, pixels) = (self.error, self.pixels);
+        let shape = |record: &Record| {
+            let radius = record.radius.max(pixels * record.footprint / error).max(1e-20);
+            Shape {
+                position: record.place.position.into(),
+                reach2: (error * radius).powi(2),
+                normal: record.place.normal.into(),
+                inverse: 1.0 / radius,
+                variance: record.variance,
+            }
+        };
+        self.shapes = self.records.par_iter().with_min_len(1024).map(shape).collect();
+        let spheres: Vec<(Vec3, f32)> = self.shapes.iter().map(|s| (s.position, s.reach2.sqrt())).collect();
+        self.index = Index::new(&spheres);
+    }
+
+    /// The light at a place.
+    #[inline]
+    pub fn look_up(&self, spot: &Spot) -> Found {
+        let normal = Vec3::from(spot.point.normal);
+        let (mut total, mut variance, mut light) = (0.0, 0.0, Vec4::ZERO);
+        let (count, parts) = (self.edits.count(), self.parts());
+        self.visit(spot, |record, weight, by| {
+            let shape = &self.shapes[record];
+            let turn = shape.normal.cross(normal);
+            total += weight;
+            variance += weight * weight * shape.variance;
+            let all = &self.light[record * parts..][..parts];
+            let mut here = all[0].at(by, turn);
+            for (e, part) in all[1..].iter().enumerate() {
+                let apart = spot.receivers[e] - self.receivers[record * count + e];
+                if apart != 0.0 {
+                    here += part.at(by, turn) * apart;
+                }
+            }
+            // Gradients lead below what can be, edits may lead there on purpose.
+            light += here.max(all[0].value.min(Vec4::ZERO)) * weight;
+            true
+        });
+        if total > 0.0 {
+            light /= total;
+            variance /= total * total;
+        }
+        Found { light, weight: total, variance }
+    }
+
+    /// How many rays the records that count at a place have; `None` where there are none.
+    pub fn rays_near(&self, spot: &Spot) -> Option<u32> {
+        let (mut total, mut rays) = (0.0, 0.0);
+        self.visit(spot, |record, weight, _| {
+            total += weight;
+            rays += weight * self.records[record].rays as f32;
+            true
+        });
+        (total > 0.0).then(|| (rays / total) as u32)
+    }
+
+    /// Takes one more set of rays into a record.
+    pub fn refine(&mut self, record: usize, light: &[Gradients], rays: u32) {
+        let first = record * self.parts();
+        let here = &mut self.records[record];
+        // Strata make the error of a set fall faster than by the root of its rays.
+        let [before, more] = [here.rays, rays].map(|rays| (rays as f32).powf(1.5));
+        let share = more / (before + more);
+        let apart = (light[0].value - self.light[first].value).truncate().length_squared();
+        // One difference says little: what the rays so far say counts as much.
+        here.variance = 0.5 * (apart * share * (1.0 - share) + here.variance * (1.0 - share));
+        for (old, new) in self.light[first..].iter_mut().zip(light) {
+            *old = old.mix(new, share);
+        }
+        here.rays += rays;
+    }
+
+    /// Whether a record counts at a place whose error there is below `share` of what it may be.
+    #[inline]
+    pub fn covers(&self, spot: &Spot, share: f32) -> bool {
+        let least = (1.0 / share - 1.0) / self.error;
+        let mut covered = false;
+        self.visit(spot, |_, weight, _| {
+            covered = weight >= least;
+            !covered
+        });
+        covered
+    }
+
+    /// The records that count at a place: number, weight, and way from there. False ends it.
+    #[inline]
+    pub fn visit(&self, spot: &Spot, mut take: impl FnMut(usize, f32, Vec3) -> bool) {
+        if self.shapes.is_empty() {
+            return;
+        }
+        let (at, normal) = (Vec3::from(spot.point.position), Vec3::from(spot.point.normal));
+        let count = self.edits.count();
+        self.index.near(at, |record| {
+            let shape = &self.shapes[record as usize];
+            let by = at - shape.position;
+            let squared = by.length_squared();
+            if squared >= shape.reach2 {
+                return true;
+            }
+            let cosine = normal.dot(shape.normal);
+            let error = squared.sqrt() * shape.inverse + (1.0 - cosine).max(0.0).sqrt();
+            // In front of it, a place sees what the record has behind itself.
+            if error >= self.error || by.dot(normal + shape.normal) * shape.inverse < -0.1 * self.error {
+                return true;
+            }
+            if count > 0 {
+                let here = &self.receivers[record as usize * count..][..count];
+                if here != spot.receivers && self.edits.part_ways(here, spot.receivers) {
+                    return true;
+                }
+            }
+            take(record as usize, 1.0 / error.max(1e-3 * self.error) - 1.0 / self.error, by)
+        });
+    }
+}

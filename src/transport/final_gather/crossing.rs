@@ -1,0 +1,163 @@
+//! All that changes light between surfaces and places: the edits of a list in transit, procedural and sampled.
+
+use super::cache::Receivers;
+use super::incident::Incident;
+use super::pieces::Pieces;
+use super::sampled::{Mix, SampledEdits};
+use super::transit::{Arrivals, Transits, weights};
+use crate::memo::Memo;
+use crate::scene::SurfacePoint;
+use crate::transport::Edits;
+use crate::{Error, Result};
+use glam::Vec4;
+use rayon::prelude::*;
+
+pub struct Crossing<'a> {
+    pub transits: Transits<'a>,
+    pub sampled: Option<SampledEdits<'a>>,
+}
+
+/// What sampled edits say of a place.
+pub struct Rows {
+    pub mix: Mix,
+    /// `S - 1` over gather samples.
+    pub scales: Pieces,
+}
+
+/// Light of a place with the edits, or what it changes by with a receiver's weight.
+pub struct Part<'a> {
+    pub number: usize,
+    /// Of each arrival, W/m².
+    pub light: &'a [Vec4],
+    /// From nowhere in particular, W/m².
+    pub added: Vec4,
+}
+
+/// Vectors that are used again for every place.
+#[derive(Default)]
+pub struct Scratch {
+    base: Vec<Vec4>,
+    other: Vec<Vec4>,
+    scaled: Arrivals,
+}
+
+impl<'a> Crossing<'a> {
+    /// # Errors
+    /// Edits of another scene, or several sampled ones in one list; edits of paths with sampled ones.
+    pub fn new(incident: &Incident<'a>, edits: &'a Edits, memo: &dyn Memo) -> Result<Self> {
+        edits.check(&incident.geometry.fingerprint)?;
+        let mut sampled = None;
+        if let Some(found) = edits.sampled().next() {
+            if edits.transit().any(|edit| !edit.is_colour()) {
+                return Err(Error::compute(
+                    "falloff, indirect_shadow and directionality do not act on sampled edits",
+                    "put them before scale_offset, so that they are sampled with the others",
+                ));
+            }
+            let mut rows = SampledEdits::new(incident.geometry, found, memo)?;
+            rows.add_offsets(incident)?;
+            sampled = Some(rows);
+        }
+        Ok(Self { transits: Transits::new(incident.geometry, edits), sampled })
+    }
+
+    fn by_rows(&self) -> Option<&SampledEdits<'a>> {
+        self.sampled.as_ref().filter(|sampled| sampled.changes_transit())
+    }
+
+    /// Weights that tell places apart: of each receiver, and of sampled edits.
+    pub fn receivers(&self) -> usize {
+        self.transits.receivers().len() + usize::from(self.by_rows().is_some())
+    }
+
+    /// Light at a place is kept in as many parts: with its receivers' weights as they are, and the derivative by each.
+    pub fn parts(&self) -> usize {
+        1 + self.receivers()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.transits.is_empty() && self.by_rows().is_none()
+    }
+
+    /// The receivers' weights at N places, those of a place one after another.
+    pub fn weights(&self, points: &[SurfacePoint]) -> Vec<f32> {
+        let procedural = weights(self.transits.receivers(), points);
+        let Some(sampled) = self.by_rows() else { return procedural };
+        let amounts: Vec<f32> = points.par_iter().with_min_len(256).map(|point| sampled.mix(point).amount()).collect();
+        let count = self.transits.receivers().len();
+        let mut all = Vec::with_capacity(points.len() * (count + 1));
+        for (i, amount) in amounts.into_iter().enumerate() {
+            all.extend_from_slice(&procedural[i * count..][..count]);
+            all.push(amount);
+        }
+        all
+    }
+
+    pub fn rows(&self, place: &SurfacePoint) -> Option<Rows> {
+        let sampled = self.by_rows()?;
+        let mix = sampled.mix(place);
+        let scales = sampled.scales(&mix);
+        Some(Rows { mix, scales })
+    }
+
+    /// Hands out the parts of the light at a place. `samples`: the gather sample nearest to where each arrival comes from,
+    /// where sampled edits ask for it.
+    pub fn each_part(
+        &self,
+        arrivals: &Arrivals,
+        samples: &[Option<u32>],
+        receivers: &[f32],
+        rows: Option<&Rows>,
+        scratch: &mut Scratch,
+        mut take: impl FnMut(Part),
+    ) {
+        let Scratch { base, other, scaled } = scratch;
+        let procedural = self.transits.receivers().len();
+        let (through, added) = match (rows, self.by_rows()) {
+            (Some(rows), Some(sampled)) if !rows.mix.is_empty() => {
+                scaled.clone_from(arrivals);
+                for (light, sample) in scaled.light.iter_mut().zip(samples) {
+                    let more = sample.map_or(glam::Vec3::ZERO, |sample| rows.scales.at(sample));
+                    *light += *light * more.extend(0.0);
+                }
+                (&*scaled, sampled.added(&rows.mix))
+            }
+            _ => (arrivals, Vec4::ZERO),
+        };
+        self.transits.apply(through, &receivers[..procedural], base);
+        take(Part { number: 0, light: base, added });
+        for e in 0..procedural {
+            let mut moved = receivers[..procedural].to_vec();
+            moved[e] = if receivers[e] < 0.5 { 1.0 } else { 0.0 };
+            self.transits.apply(through, &moved, other);
+            let by = 1.0 / (moved[e] - receivers[e]);
+            other.iter_mut().zip(&*base).for_each(|(other, base)| *other = (*other - *base) * by);
+            take(Part { number: 1 + e, light: other, added: Vec4::ZERO });
+        }
+        let amount = receivers.get(procedural).copied().unwrap_or(0.0);
+        if amount != 0.0 {
+            self.transits.apply(arrivals, &receivers[..procedural], other);
+            let by = 1.0 / amount;
+            other.iter_mut().zip(&*base).for_each(|(other, base)| *other = (*base - *other) * by);
+            take(Part { number: 1 + procedural, light: other, added: added * by });
+        }
+    }
+}
+
+impl Receivers for Crossing<'_> {
+    fn count(&self) -> usize {
+        self.receivers()
+    }
+
+    /// Sampled edits touch only the second, or too much is different at once.
+    fn part_ways(&self, here: &[f32], there: &[f32]) -> bool {
+        let untouched = self.by_rows().is_some() && here.last() == Some(&0.0) && there.last() != Some(&0.0);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        here.iter().zip(there).for_each(|(here, there)| {
+            let apart = (here - there).abs();
+            (sum, squares) = (sum + apart, squares + apart * apart);
+        });
+        // Derivatives by two receivers at once are not kept.
+        untouched || sum * sum - squares > 0.1
+    }
+}

@@ -1,0 +1,311 @@
+//! Gathers light at places: rays over their hemispheres, light at what these meet, photons that they can see, and what it
+//! all comes to, with edits on the way.
+
+use super::crossing::{Crossing, Scratch};
+use super::hemisphere::{Gradients, Hemisphere, Strata};
+use super::incident::{Incident, Leaving};
+use super::photons::Photons;
+use super::transit::{Arrivals, weights};
+use crate::Result;
+use crate::kernels::blocked_rays;
+use crate::kernels::trace_rays::{RayRecord, Traced, trace_rays};
+use crate::progress::Stage;
+use crate::scene::SurfacePoint;
+use crate::transport::sampling;
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+use std::f32::consts::{FRAC_1_PI, PI};
+use std::ops::Range;
+
+/// Rays that are followed together: bounds the memory between the steps.
+const BATCH: usize = 1 << 17;
+/// Surfaces behind each other that one ray looks through.
+const LAYERS: usize = 5;
+
+/// What was gathered at a place.
+#[derive(Clone, Debug, Default)]
+pub struct Gathered {
+    /// As many as `Crossing::parts`.
+    pub light: Vec<Gradients>,
+    /// Harmonic mean and least of the distances to what is seen, m.
+    pub reach: [f32; 2],
+}
+
+/// Places to gather at.
+pub struct Places<'a> {
+    pub points: &'a [SurfacePoint],
+    /// `Crossing::weights` there.
+    pub receivers: &'a [f32],
+    /// One each.
+    pub seeds: &'a [u32],
+}
+
+/// Where light comes from, how it is looked for, and what changes it.
+pub struct Gatherer<'a> {
+    pub incident: &'a Incident<'a>,
+    pub crossing: &'a Crossing<'a>,
+    photons: Photons,
+    /// Of each photon: caster weights, and the nearest gather sample of sampled edits.
+    photon_casters: Vec<f32>,
+    photon_samples: Vec<Option<u32>>,
+}
+
+/// What the rays of a batch met.
+struct Layer {
+    distances: Vec<f32>,
+    /// Radiant exitance towards the place, by the share of the hemisphere's rays in finding it, W/m².
+    exitance: Vec<Vec4>,
+    casters: Vec<f32>,
+    samples: Vec<Option<u32>>,
+}
+
+impl<'a> Gatherer<'a> {
+    /// About `count` photons are drawn.
+    pub fn new(incident: &'a Incident<'a>, crossing: &'a Crossing<'a>, count: usize) -> Result<Self> {
+        let mut photons = Photons::new(incident, count)?;
+        let points: Vec<SurfacePoint> = photons.list.iter().map(|photon| photon.point).collect();
+        let barycentrics: Vec<[f32; 2]> = photons.list.iter().map(|photon| photon.barycentrics).collect();
+        let photon_casters = weights(crossing.transits.casters(), &points);
+        let mut photon_samples = Vec::new();
+        if let Some(sampled) = &crossing.sampled {
+            photon_samples = sampled.samples(&points, &barycentrics);
+            let from_lamps = photons.list.iter().map(|photon| photon.power).collect();
+            let mut leaving = Leaving { from_lamps, from_others: vec![Vec4::ZERO; points.len()] };
+            sampled.at_source(&photon_samples, &mut leaving);
+            photons.list.iter_mut().zip(leaving.from_lamps).for_each(|(photon, power)| photon.power = power);
+        }
+        Ok(Self { incident, crossing, photons, photon_casters, photon_samples })
+    }
+
+    /// Gathers by `rays` rays each, about half of them to photons; `stage` counts rays.
+    pub fn gather(&self, places: &Places, rays: u32, stage: &Stage) -> Result<Vec<Gathered>> {
+        let photons = if self.photons.is_empty() { 0 } else { rays / 2 };
+        let strata = Strata::of(rays - photons);
+        let mut all = Vec::with_capacity(places.points.len());
+        let (batch, receivers) = ((BATCH / rays as usize).max(1), self.crossing.receivers());
+        for first in (0..places.points.len()).step_by(batch) {
+            let range = first..(first + batch).min(places.points.len());
+            let places = Places {
+                points: &places.points[range.clone()],
+                receivers: &places.receivers[range.start * receivers..range.end * receivers],
+                seeds: &places.seeds[range],
+            };
+            all.extend(self.batch(&places, strata, photons as usize)?);
+            stage.advance(u64::from(rays) * places.points.len() as u64)?;
+        }
+        Ok(all)
+    }
+
+    fn batch(&self, places: &Places, strata: Strata, photons: usize) -> Result<Vec<Gathered>> {
+        let geometry = self.incident.geometry;
+        let rays = strata.rays();
+        let hemisphere = |place| Hemisphere::new(place, strata, geometry.lift());
+        let hemispheres: Vec<Hemisphere> = places.points.par_iter().map(hemisphere).collect();
+        let mut cast = vec![RayRecord::NONE; hemispheres.len() * rays];
+        let fans = cast.par_chunks_mut(rays).zip(&hemispheres).zip(places.seeds);
+        fans.for_each(|((cast, hemisphere), seed)| hemisphere.rays(*seed, cast));
+        let ratio = photons as f32 / rays as f32;
+        let mut layers: Vec<Layer> = Vec::new();
+        let mut next = None;
+        while layers.len() < LAYERS {
+            let cast = next.as_ref().unwrap_or(&cast);
+            let traced = trace_rays(self.incident.device, geometry, cast)?;
+            let beyond = self.beyond(places, cast, &traced, rays);
+            layers.push(self.layer(places, &hemispheres, cast, traced, ratio)?);
+            if beyond.is_none() {
+                break;
+            }
+            next = beyond;
+        }
+        // Photons that a place is held against: a run of the sequence that starts anywhere.
+        let of = |seed: u32| (0..photons).map(move |i| (sampling::hash(!seed) as usize + i) % self.photons.list.len());
+        let mut ways = vec![RayRecord::NONE; hemispheres.len() * photons];
+        if photons > 0 {
+            ways.par_chunks_mut(photons).zip(&hemispheres).zip(places.seeds).for_each(|((ways, hemisphere), seed)| {
+                ways.iter_mut().zip(of(*seed)).for_each(|(way, i)| *way = self.way(hemisphere, i));
+            });
+        }
+        let blocked = blocked_rays(self.incident.device, geometry, &ways)?;
+        let count = self.crossing.receivers();
+        let sum = |(arrivals, scratch): &mut (Arrivals, Scratch), i: usize| {
+            let met: Vec<(usize, usize)> =
+                of(places.seeds[i]).enumerate().map(|(j, photon)| (i * photons + j, photon)).collect();
+            let place = Place {
+                hemisphere: &hemispheres[i],
+                fan: i * rays..(i + 1) * rays,
+                cast: &cast,
+                layers: &layers,
+                photons: &met,
+                ways: &ways,
+                blocked: &blocked,
+                ratio,
+            };
+            let reach = Hemisphere::reach(&layers[0].distances[place.fan.clone()]);
+            let receivers = &places.receivers[i * count..][..count];
+            let light = match self.crossing.is_empty() {
+                true => vec![self.unedited(&place)],
+                false => self.edited(&place, &places.points[i], receivers, arrivals, scratch),
+            };
+            Gathered { light, reach }
+        };
+        let all = (0..hemispheres.len()).into_par_iter();
+        Ok(all.map_init(<(Arrivals, Scratch)>::default, sum).collect())
+    }
+
+    /// Light at what rays met, with edits at the source.
+    fn layer(
+        &self,
+        places: &Places,
+        hemispheres: &[Hemisphere],
+        cast: &[RayRecord],
+        traced: Traced,
+        ratio: f32,
+    ) -> Result<Layer> {
+        let (rays, met) = (cast.len() / hemispheres.len().max(1), traced.points);
+        let samples = match &self.crossing.sampled {
+            Some(sampled) => sampled.samples(&met, &traced.barycentrics),
+            None => Vec::new(),
+        };
+        let mut leaving = self.incident.light(met.clone(), &traced.barycentrics, places.seeds[0])?;
+        if let Some(sampled) = &self.crossing.sampled {
+            sampled.at_source(&samples, &mut leaving);
+        }
+        let exitance = |ray: usize| {
+            let lamps = leaving.from_lamps[ray];
+            let mut light = leaving.from_others[ray];
+            if lamps.w > 0.0 {
+                let direction = Vec3::from(cast[ray].direction);
+                let there = -direction.dot(met[ray].geometric_normal.into());
+                let here = direction.dot(hemispheres[ray / rays].normal());
+                let by_rays = (here * there).max(0.0) * FRAC_1_PI / traced.distances[ray].powi(2);
+                light += lamps * (by_rays / (by_rays + ratio * self.photons.density(lamps.w)));
+            }
+            light.with_w(0.0)
+        };
+        let exitance = (0..cast.len()).into_par_iter().with_min_len(1024).map(exitance).collect();
+        let casters = weights(self.crossing.transits.casters(), &met);
+        Ok(Layer { distances: traced.distances, exitance, casters, samples })
+    }
+
+    /// Rays that go on behind what they met, where an edit lets such light through.
+    fn beyond(&self, places: &Places, cast: &[RayRecord], traced: &Traced, rays: usize) -> Option<Vec<RayRecord>> {
+        let count = self.crossing.receivers();
+        let sees_through =
+            |place: usize| self.crossing.transits.sees_through(&places.receivers[place * count..][..count]);
+        let through: Vec<bool> = (0..places.points.len()).map(sees_through).collect();
+        if !through.contains(&true) {
+            return None;
+        }
+        let on = |ray: usize| match traced.points[ray].exists() && through[ray / rays] {
+            true => RayRecord { t_min: traced.distances[ray] * 1.000_01, ..cast[ray] },
+            false => RayRecord::NONE,
+        };
+        let beyond: Vec<RayRecord> = (0..cast.len()).map(on).collect();
+        beyond.iter().any(|ray| ray.t_max > 0.0).then_some(beyond)
+    }
+
+    fn unedited(&self, place: &Place) -> Gradients {
+        let layer = &place.layers[0];
+        let mut light =
+            place.hemisphere.gradients(&layer.exitance[place.fan.clone()], &layer.distances[place.fan.clone()]);
+        for &(at, photon) in place.photons.iter().filter(|(at, _)| place.blocked[*at] == 0) {
+            let (way, normal) =
+                (place.ways[at].direction.into(), self.photons.list[photon].point.geometric_normal.into());
+            place.hemisphere.add_place(&mut light, self.from_photon(place, at, photon), way, normal);
+        }
+        light
+    }
+
+    fn edited(
+        &self,
+        place: &Place,
+        point: &SurfacePoint,
+        receivers: &[f32],
+        arrivals: &mut Arrivals,
+        scratch: &mut Scratch,
+    ) -> Vec<Gradients> {
+        arrivals.clear();
+        let (rays, casters) = (place.fan.len(), self.crossing.transits.casters().len());
+        let mut samples: Vec<Option<u32>> = Vec::new();
+        for (depth, layer) in place.layers.iter().enumerate() {
+            for ray in place.fan.clone() {
+                arrivals.light.push(layer.exitance[ray] / rays as f32);
+                arrivals.direction.push(place.cast[ray].direction.into());
+                arrivals.distance.push(layer.distances[ray]);
+                arrivals.seen.push(if depth == 0 { 1.0 } else { 0.0 });
+            }
+            arrivals.casters.extend_from_slice(&layer.casters[place.fan.start * casters..place.fan.end * casters]);
+            samples.extend(layer.samples.get(place.fan.clone()).into_iter().flatten());
+        }
+        let of_rays = arrivals.light.len();
+        // A photon behind something counts only where an edit sees through that.
+        let counts = |at: usize| place.ways[at].t_max > 0.0 && (place.blocked[at] == 0 || place.layers.len() > 1);
+        let photons: Vec<(usize, usize)> = place.photons.iter().copied().filter(|(at, _)| counts(*at)).collect();
+        for &(at, photon) in &photons {
+            let way = Vec3::from(place.ways[at].direction);
+            arrivals.light.push(self.from_photon(place, at, photon));
+            arrivals.direction.push(way.normalize_or_zero());
+            arrivals.distance.push(way.length());
+            arrivals.seen.push(if place.blocked[at] == 0 { 1.0 } else { 0.0 });
+            arrivals.casters.extend_from_slice(&self.photon_casters[photon * casters..][..casters]);
+            samples.extend(self.photon_samples.get(photon));
+        }
+        let rows = self.crossing.rows(point);
+        let mut parts = vec![Gradients::default(); self.crossing.parts()];
+        let mut exitance = Vec::new();
+        self.crossing.each_part(arrivals, &samples, receivers, rows.as_ref(), scratch, |part| {
+            let sum = &mut parts[part.number];
+            for (depth, light) in part.light[..of_rays].chunks_exact(rays).enumerate() {
+                exitance.clear();
+                exitance.extend(light.iter().map(|light| *light * rays as f32));
+                let more = place.hemisphere.gradients(&exitance, &place.layers[depth].distances[place.fan.clone()]);
+                *sum = sum.plus(&more);
+            }
+            for (&(at, photon), light) in photons.iter().zip(&part.light[of_rays..]) {
+                let normal = self.photons.list[photon].point.geometric_normal.into();
+                place.hemisphere.add_place(sum, *light, place.ways[at].direction.into(), normal);
+            }
+            sum.value += part.added;
+        });
+        parts
+    }
+
+    /// The irradiance that a photon gives by itself, W/m².
+    fn from_photon(&self, place: &Place, at: usize, photon: usize) -> Vec4 {
+        let photon = &self.photons.list[photon];
+        let way = Vec3::from(place.ways[at].direction);
+        let squared = way.length_squared();
+        let there = -way.dot(photon.point.geometric_normal.into());
+        let shape = way.dot(place.hemisphere.normal()) * there / (squared * squared);
+        let (by_rays, by_photons) = (shape * FRAC_1_PI, photon.density * place.ratio);
+        photon.power * (shape * by_photons / ((by_rays + by_photons) * PI * place.photons.len() as f32))
+    }
+
+    /// From a place to a photon; none where one is behind the other.
+    fn way(&self, hemisphere: &Hemisphere, photon: usize) -> RayRecord {
+        let photon = &self.photons.list[photon];
+        let normal = Vec3::from(photon.point.geometric_normal);
+        let way = Vec3::from(photon.point.position) - hemisphere.origin();
+        let is_open = photon.density > 0.0
+            && way.dot(hemisphere.normal()) > 0.0
+            && way.dot(hemisphere.geometric()) > 0.0
+            && way.dot(normal) < 0.0;
+        let t_max = if is_open { 0.9999 } else { 0.0 };
+        RayRecord { origin: hemisphere.origin().to_array(), t_max, direction: way.to_array(), t_min: 0.0 }
+    }
+}
+
+/// What one place of a batch found.
+struct Place<'a> {
+    hemisphere: &'a Hemisphere,
+    /// Its rays in `cast` and in layers.
+    fan: Range<usize>,
+    cast: &'a [RayRecord],
+    layers: &'a [Layer],
+    /// Of each photon: where it stands in `ways` and `blocked`, and in the list of all.
+    photons: &'a [(usize, usize)],
+    ways: &'a [RayRecord],
+    blocked: &'a [u32],
+    /// Photons to rays.
+    ratio: f32,
+}

@@ -1,0 +1,142 @@
+//! Which records of an irradiance cache may hold at a place: a hierarchy of grids, each with cells half as wide as the one
+//! before, of which only those that hold something exist (Ward et al. 1988 use an octree).
+//!
+//! A record lies in the grid whose cells are at least as wide as the sphere that it holds in, so in at most eight cells;
+//! a place lies in one cell of each grid. Deterministic: it depends on the spheres and their order alone.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Bits of a cell's number along an axis; one grid a bit, and one more.
+const BITS: u32 = 19;
+
+#[derive(Clone, Debug, Default)]
+pub struct Index {
+    low: Vec3,
+    /// Of the only cell of the first grid, metres.
+    width: f32,
+    /// Grids that hold something.
+    levels: Vec<u32>,
+    /// Open addressing: key (0: empty), first, and count in `records`.
+    table: Vec<(u64, u32, u32)>,
+    records: Vec<u32>,
+}
+
+impl Index {
+    /// `spheres`: centre and radius, metres.
+    pub fn new(spheres: &[(Vec3, f32)]) -> Self {
+        let Some(low) = spheres.iter().map(|sphere| sphere.0).reduce(Vec3::min) else { return Self::default() };
+        let high = spheres.iter().fold(low, |high, sphere| high.max(sphere.0));
+        let width = (high - low).max_element().max(1e-6) * 1.001;
+        let mut index = Self { low, width, ..Self::default() };
+        let mut cells: Vec<(u64, u32)> = spheres
+            .par_iter()
+            .enumerate()
+            .flat_map_iter(|(record, sphere)| index.cells(sphere).map(move |key| (key, record as u32)))
+            .collect();
+        cells.par_sort_unstable();
+        let runs: Vec<&[(u64, u32)]> = cells.chunk_by(|a, b| a.0 == b.0).collect();
+        index.table = vec![(0, 0, 0); (2 * runs.len()).next_power_of_two()];
+        let (mut first, mut seen) = (0, 0u32);
+        for run in runs {
+            let key = run[0].0;
+            seen |= 1 << level_of(key);
+            let mut slot = index.slot(key);
+            while index.table[slot].0 != 0 {
+                slot = (slot + 1) & (index.table.len() - 1);
+            }
+            index.table[slot] = (key, first, run.len() as u32);
+            first += run.len() as u32;
+        }
+        index.records = cells.into_iter().map(|cell| cell.1).collect();
+        index.levels = (0..=BITS).filter(|level| seen >> level & 1 == 1).collect();
+        index
+    }
+
+    /// Calls `visit` with every record whose sphere holds the place, and some others; each once. False ends it.
+    #[inline]
+    pub fn near(&self, place: Vec3, mut visit: impl FnMut(u32) -> bool) {
+        for &level in &self.levels {
+            let key = key(level, self.cell(level, place));
+            let mut slot = self.slot(key);
+            loop {
+                let (found, first, count) = self.table[slot];
+                if found == key {
+                    if !self.records[first as usize..][..count as usize].iter().all(|&record| visit(record)) {
+                        return;
+                    }
+                }
+                if found == key || found == 0 {
+                    break;
+                }
+                slot = (slot + 1) & (self.table.len() - 1);
+            }
+        }
+    }
+
+    /// What lies outside of the grid counts as in its outermost cells.
+    #[inline]
+    fn cell(&self, level: u32, place: Vec3) -> [u64; 3] {
+        let cells = (1u64 << level) as f32;
+        let cell = (place - self.low) * (cells / self.width);
+        cell.clamp(Vec3::ZERO, Vec3::splat(cells - 1.0)).to_array().map(|x| x as u64)
+    }
+
+    fn cells(&self, (centre, radius): &(Vec3, f32)) -> impl Iterator<Item = u64> {
+        let fits = (self.width / (2.0 * radius).max(1e-30)).log2().floor();
+        let level = fits.clamp(0.0, BITS as f32) as u32;
+        let (first, last) = (self.cell(level, *centre - *radius), self.cell(level, *centre + *radius));
+        let within = move |axis: usize| first[axis]..=last[axis];
+        within(2).flat_map(move |z| within(1).flat_map(move |y| within(0).map(move |x| key(level, [x, y, z]))))
+    }
+
+    fn slot(&self, key: u64) -> usize {
+        let mixed = (key ^ key >> 31).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        (mixed >> 32) as usize & (self.table.len() - 1)
+    }
+}
+
+/// The highest bit tells keys from empty slots; the level's own bits tell grids apart.
+fn key(level: u32, [x, y, z]: [u64; 3]) -> u64 {
+    1 << 63 | u64::from(level) << (3 * BITS) | z << (2 * BITS) | y << BITS | x
+}
+
+fn level_of(key: u64) -> u32 {
+    (key >> (3 * BITS)) as u32 & 31
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::sampling::{hash, unit};
+
+    #[test]
+    fn every_sphere_is_found_from_all_that_it_holds() {
+        let random = |i: u32| unit(hash(i));
+        let spheres: Vec<(Vec3, f32)> = (0..3000)
+            .map(|i| {
+                let at = Vec3::new(random(5 * i), 3.0 * random(5 * i + 1), 0.01 * random(5 * i + 2));
+                (at, 10f32.powf(-5.0 * random(5 * i + 3)))
+            })
+            .collect();
+        for spheres in [&spheres[..], &spheres[..1], &[]] {
+            let index = Index::new(spheres);
+            for i in 0..4000 {
+                let place = Vec3::new(1.2 * random(!(3 * i)), 3.2 * random(!(3 * i + 1)), 0.02 * random(!(3 * i + 2)));
+                let mut found = Vec::new();
+                index.near(place, |record| {
+                    found.push(record);
+                    true
+                });
+                let count = found.len();
+                found.sort_unstable();
+                found.dedup();
+                assert_eq!(found.len(), count, "each once");
+                for (record, (centre, radius)) in spheres.iter().enumerate() {
+                    let holds = centre.distance(place) < *radius;
+                    assert!(!holds || found.contains(&(record as u32)), "{record} at {place}");
+                }
+            }
+        }
+    }
+}

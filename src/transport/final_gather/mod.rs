@@ -1,0 +1,43 @@
+//! The offline renderer (thesis 5.5.3): final gathering with irradiance caching [WRC88], refined until it is as good as
+//! asked.
+//!
+//! ```text
+//! view        what the camera sees, one sample of each pixel at a time; direct light there
+//! placement   which pixels need a record of the cache
+//! gatherer    light at a place: rays over its hemisphere (hemisphere), and photons (photons) that it can see
+//! incident    light that leaves what these meet
+//! source      edits of that light; bounces: what arrives there after more than one
+//! crossing    edits on the way to a place: procedural (transit) and sampled (sampled, pieces); eye: those after that
+//! cache       records, and what they say of other places (index: which of them)
+//! growth      more records, more rays
+//! estimate    how far the picture is from the truth, and where rays help
+//! film        passes -> layers
+//! render      all of these, end to end
+//! ```
+
+pub mod bounces;
+pub mod cache;
+pub mod crossing;
+pub mod estimate;
+mod eye;
+pub mod film;
+pub mod gatherer;
+pub mod growth;
+pub mod hemisphere;
+pub mod incident;
+mod index;
+pub mod photons;
+mod pieces;
+pub mod placement;
+pub mod render;
+pub mod sampled;
+pub mod source;
+pub mod transit;
+pub mod view;
+
+pub use bounces::Bounces;
+pub use crossing::Crossing;
+pub use incident::Incident;
+pub use render::{Renderer, Settings};
+pub use source::SourceEdits;
+pub use view::Seen;

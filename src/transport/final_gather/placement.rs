@@ -1,0 +1,103 @@
+//! Where records go: the picture is looked at from coarse to fine, and what no record covers gets one.
+//!
+//! Every round asks for one place in each block of pixels that is not covered; what the round gathers covers most of its
+//! neighbours. So records depend on the picture alone, whatever the number of threads.
+
+use super::cache::{Cache, Spot};
+use crate::scene::SurfacePoint;
+use rayon::prelude::*;
+
+/// Pixels along a side of the first blocks.
+const COARSEST: usize = 32;
+/// Times that all is looked at before what is left then is taken whole.
+const ROUNDS: usize = 3;
+
+/// A picture's points, one a pixel.
+#[derive(Clone, Copy)]
+pub struct View<'a> {
+    pub points: &'a [SurfacePoint],
+    /// Weights of receivers, those of a pixel one after another.
+    pub receivers: &'a [f32],
+    pub width: usize,
+    pub height: usize,
+}
+
+impl<'a> View<'a> {
+    pub fn spot(&self, pixel: usize) -> Spot<'a> {
+        let count = self.receivers.len() / self.points.len().max(1);
+        Spot { point: &self.points[pixel], receivers: &self.receivers[pixel * count..][..count] }
+    }
+}
+
+/// Hands out rounds of places until all are covered.
+pub struct Placement<'a> {
+    view: View<'a>,
+    share: f32,
+    step: usize,
+    rounds: usize,
+    /// Pixels that were not covered when last looked at; `None`: all are to be looked at.
+    open: Option<Vec<usize>>,
+}
+
+impl<'a> Placement<'a> {
+    /// `share`: of the error that the cache allows, what makes a pixel covered. `is_known`: the cache was filled for such a
+    /// picture already, and only gaps are looked for.
+    pub fn new(view: View<'a>, share: f32, is_known: bool) -> Self {
+        Self { view, share, step: if is_known { 1 } else { COARSEST }, rounds: 0, open: None }
+    }
+
+    /// Numbers of the pixels that get records next; nothing when all are covered.
+    pub fn next(&mut self, cache: &Cache) -> Vec<usize> {
+        while self.step > 1 {
+            let step = self.step;
+            self.step /= 2;
+            let found = self.on_lattice(cache, step);
+            if !found.is_empty() {
+                return found;
+            }
+        }
+        let left = self.open.take().map(|open| self.still_open(cache, open)).filter(|left| !left.is_empty());
+        // New records may have made old ones count less far: all is looked at once more before the end.
+        let left = left.unwrap_or_else(|| {
+            self.rounds += 1;
+            self.still_open(cache, (0..self.view.points.len()).collect())
+        });
+        if self.rounds > ROUNDS {
+            return left;
+        }
+        let next = self.thinned(&left);
+        self.open = Some(left);
+        next
+    }
+
+    fn is_open(&self, cache: &Cache, pixel: usize) -> bool {
+        let spot = self.view.spot(pixel);
+        spot.point.exists() && !cache.covers(&spot, self.share)
+    }
+
+    /// Every so many pixels along each axis, from half a step in.
+    fn on_lattice(&self, cache: &Cache, step: usize) -> Vec<usize> {
+        let View { width, height, .. } = self.view;
+        let rows: Vec<usize> = (step / 2..height).step_by(step).collect();
+        let row = |&y: &usize| {
+            let pixels = (step / 2..width).step_by(step).map(move |x| y * width + x);
+            pixels.filter(|pixel| self.is_open(cache, *pixel)).collect::<Vec<_>>()
+        };
+        rows.par_iter().flat_map_iter(row).collect()
+    }
+
+    fn still_open(&self, cache: &Cache, pixels: Vec<usize>) -> Vec<usize> {
+        pixels.into_par_iter().with_min_len(1024).filter(|pixel| self.is_open(cache, *pixel)).collect()
+    }
+
+    /// One of each block of 8 x 8 pixels, another in every round.
+    fn thinned(&self, open: &[usize]) -> Vec<usize> {
+        const BLOCK: usize = 8;
+        let width = self.view.width;
+        let block = |pixel: usize| (pixel / width / BLOCK, pixel % width / BLOCK);
+        let mut sorted: Vec<usize> = open.to_vec();
+        sorted.par_sort_unstable_by_key(|&pixel| (block(pixel), pixel));
+        let middle = |run: &[usize]| run[run.len() / 2];
+        sorted.chunk_by(|a, b| block(*a) == block(*b)).map(middle).collect()
+    }
+}

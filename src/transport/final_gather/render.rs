@@ -1,0 +1,236 @@
+//! The renderer from end to end: a coarse picture first, then refined until its error is as small as asked, then smooth at
+//! edges.
+
+use super::cache::Cache;
+use super::crossing::Crossing;
+use super::estimate::{Demand, Estimate};
+use super::film::Film;
+use super::gatherer::Gatherer;
+use super::growth::{FEWEST, Growth, OVERLAP};
+use super::incident::Incident;
+use super::placement::View;
+use super::view::{Pass, Seen};
+use crate::image::Layer;
+use crate::progress::Progress;
+use crate::{Result, memory};
+use glam::Vec4;
+use rayon::prelude::*;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    pub samples_per_pixel: u32,
+    /// Relative error of indirect light that is asked for.
+    pub tolerance: f32,
+    /// Most rays of a place.
+    pub rays: u32,
+    /// `a` of the cache when it starts.
+    pub cache_error: f32,
+}
+
+/// Photons that are drawn from lamps: places choose runs of them.
+const PHOTONS: usize = 1 << 16;
+/// How much the cache's error is lowered at once.
+const FINER: f32 = std::f32::consts::FRAC_1_SQRT_2;
+/// Of the squared error that new records found, what the picture had on average: they lie where it was largest.
+const TYPICAL: f64 = 0.15;
+/// What is left of it in the finer cache: interpolation errs with the square of the cache's error.
+const LEFT: f64 = 0.25;
+
+/// Where the work stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Phase {
+    Start,
+    Refine,
+    Smooth,
+    Done,
+}
+
+pub struct Renderer<'a> {
+    seen: Seen<'a>,
+    growth: Growth<'a>,
+    settings: Settings,
+    cache: Cache<'a>,
+    /// One sample of each pixel, until its light is as good as asked.
+    first: Option<Pass>,
+    film: Film,
+    phase: Phase,
+    pub estimate: Estimate,
+}
+
+impl<'a> Renderer<'a> {
+    /// # Errors
+    /// Too little memory.
+    pub fn new(
+        incident: &'a Incident<'a>,
+        crossing: &'a Crossing<'a>,
+        seen: Seen<'a>,
+        settings: Settings,
+    ) -> Result<Self> {
+        let (width, height) = seen.size;
+        let pixels = u64::from(width) * u64::from(height);
+        memory::require(Film::BYTES * pixels, &format!("{width} x {height} pixels"), "lower width or height")?;
+        let gatherer = Gatherer::new(incident, crossing, PHOTONS)?;
+        Ok(Self {
+            growth: Growth { gatherer, camera: seen.camera, height: height as usize },
+            cache: Cache::new(settings.cache_error, 1.0, crossing),
+            first: None,
+            film: Film::new(seen.camera, pixels as usize),
+            phase: Phase::Start,
+            estimate: Estimate::default(),
+            seen,
+            settings,
+        })
+    }
+
+    /// Does a part of the work; false when there is none left.
+    ///
+    /// # Errors
+    /// `Cancelled`: `layers` still gives what there is.
+    pub fn step(&mut self, progress: &Progress) -> Result<bool> {
+        match self.phase {
+            Phase::Start => self.start(progress)?,
+            Phase::Refine => self.refine(progress)?,
+            Phase::Smooth => self.smooth(progress)?,
+            Phase::Done => {}
+        }
+        Ok(self.phase != Phase::Done)
+    }
+
+    /// The picture as it is now; `None` before the first.
+    pub fn layers(&self) -> Option<Vec<Layer>> {
+        match &self.first {
+            Some(first) => {
+                let mut film = Film::new(self.seen.camera, first.samples.points.len());
+                self.expose(&mut film, first);
+                Some(film.layers())
+            }
+            None => (self.film.passes() > 0).then(|| self.film.layers()),
+        }
+    }
+
+    pub fn cache(&self) -> &Cache<'a> {
+        &self.cache
+    }
+
+    /// Samples of a pixel so far.
+    pub fn passes(&self) -> usize {
+        self.film.passes().max(usize::from(self.first.is_some()))
+    }
+
+    fn start(&mut self, progress: &Progress) -> Result<()> {
+        let first = self.pass(0)?;
+        let stage = progress.stage("a first picture", first.samples.points.len() as u64);
+        self.growth.cover(&mut self.cache, None, view(&first), (2 * FEWEST, 1.0), &stage)?;
+        // The first estimate of interpolation comes with the first finer cache.
+        self.estimate.interpolation = f64::INFINITY;
+        self.assess(&first);
+        self.first = Some(first);
+        self.phase = Phase::Refine;
+        Ok(())
+    }
+
+    fn refine(&mut self, progress: &Progress) -> Result<()> {
+        let Some(first) = self.first.take() else { return Ok(()) };
+        if self.estimate.error() <= f64::from(self.settings.tolerance) {
+            let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
+            self.expose(&mut film, &first);
+            self.film = film;
+            self.phase = if self.settings.samples_per_pixel > 1 { Phase::Smooth } else { Phase::Done };
+            return Ok(());
+        }
+        let improved = match self.estimate.noise >= self.estimate.interpolation {
+            true => self.more_rays(&first, progress),
+            false => self.finer(&first, progress),
+        };
+        if improved.is_ok() {
+            self.assess(&first);
+        }
+        self.first = Some(first);
+        improved
+    }
+
+    /// Halves the noise, or makes it as small as it need be.
+    fn more_rays(&mut self, first: &Pass, progress: &Progress) -> Result<()> {
+        let demand = Demand::new(&self.cache, &view(first), &first.reflectance);
+        let enough = (0.6 * f64::from(self.settings.tolerance) * demand.mean).powi(2);
+        let wanted = demand.rays(&self.cache, (0.25 * demand.noise2).max(enough), self.settings.rays);
+        let stage = progress.stage("more rays", wanted.iter().map(|(_, rays)| u64::from(*rays)).sum());
+        let done = self.growth.add_rays(&mut self.cache, &wanted, &stage);
+        self.cache.refresh();
+        done
+    }
+
+    fn finer(&mut self, first: &Pass, progress: &Progress) -> Result<()> {
+        let before = self.cache.clone();
+        self.cache.tighten(before.error() * FINER, 1.0);
+        self.cache.refresh();
+        let rays: u64 = before.records.iter().map(|record| u64::from(record.rays)).sum();
+        let stage = progress.stage("finer interpolation", rays);
+        match self.growth.cover(&mut self.cache, Some(&before), view(first), (2 * FEWEST, OVERLAP), &stage) {
+            Ok(told) => {
+                let off = (told.off / 3.0 / told.tested.max(1) as f64).max(0.0);
+                let reflectance = mean_square(&first.reflectance);
+                self.estimate.interpolation =
+                    (off * reflectance * TYPICAL * LEFT).sqrt() / self.estimate.mean.max(f64::MIN_POSITIVE);
+                Ok(())
+            }
+            Err(error) => {
+                // With gaps it would be worth less than what was there.
+                self.cache = before;
+                Err(error)
+            }
+        }
+    }
+
+    /// One more sample of each pixel.
+    fn smooth(&mut self, progress: &Progress) -> Result<()> {
+        let pass = self.pass(self.film.passes())?;
+        let stage = progress.stage("antialiasing", pass.samples.points.len() as u64);
+        let before = self.cache.clone();
+        let all: u64 = before.records.iter().map(|record| u64::from(record.rays)).sum();
+        let rays = (all / before.records.len().max(1) as u64) as u32;
+        self.growth.cover(&mut self.cache, Some(&before), view(&pass), (rays.max(2 * FEWEST), 1.0), &stage)?;
+        let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
+        self.expose(&mut film, &pass);
+        self.film = film;
+        if self.film.passes() >= self.settings.samples_per_pixel as usize {
+            self.phase = Phase::Done;
+        }
+        Ok(())
+    }
+
+    fn assess(&mut self, first: &Pass) {
+        let demand = Demand::new(&self.cache, &view(first), &first.reflectance);
+        self.estimate.mean = demand.mean;
+        self.estimate.noise = demand.noise2.sqrt() / demand.mean.max(f64::MIN_POSITIVE);
+    }
+
+    /// Adds a pass to a film, in the light of the cache.
+    fn expose(&self, film: &mut Film, pass: &Pass) {
+        let view = view(pass);
+        let light = |pixel| self.cache.look_up(&view.spot(pixel)).light.with_w(0.0).to_array();
+        let pixels = (0..view.points.len()).into_par_iter().with_min_len(256);
+        let irradiance: Vec<[f32; 4]> = pixels.map(light).collect();
+        self.seen.expose(film, pass, self.growth.gatherer.crossing, &irradiance);
+    }
+
+    fn pass(&self, number: usize) -> Result<Pass> {
+        self.seen.pass(self.growth.gatherer.incident, self.growth.gatherer.crossing, number)
+    }
+}
+
+fn view(pass: &Pass) -> View<'_> {
+    View {
+        points: &pass.samples.points,
+        receivers: &pass.receivers,
+        width: pass.samples.width,
+        height: pass.samples.height,
+    }
+}
+
+/// Of diffuse reflection, radiance over irradiance, all channels.
+fn mean_square(reflectance: &[[f32; 4]]) -> f64 {
+    let squares = reflectance.iter().map(|r| f64::from(Vec4::from_array(*r).truncate().length_squared()));
+    let all: f64 = squares.sum();
+    all / 3.0 / reflectance.len().max(1) as f64 / std::f64::consts::PI.powi(2)
+}

@@ -1,0 +1,243 @@
+//! Sampled edits at any place, whatever view and resolution they were sampled for (thesis 5.5.3, Algorithm 12, figure 5.4):
+//! a place takes its rows from the three nearest view samples, a ray its scale from the nearest gather sample.
+
+use super::incident::{Incident, Leaving};
+use super::pieces::Pieces;
+use crate::Result;
+use crate::memo::{Key, Memo};
+use crate::scene::{Camera, Geometry, SurfacePoint};
+use crate::transport::gather::NearestSample;
+use crate::transport::keyframes::reproject::{ALIKE, Carried, Found, Reach, barycentric};
+use crate::transport::sampled::apply::offset_product;
+use crate::transport::sampled::{NOWHERE, Sampled, UNTOUCHED, Vectors};
+use crate::transport::sides::live_sides;
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
+
+pub struct SampledEdits<'a> {
+    geometry: &'a Geometry,
+    sampled: &'a Sampled,
+    nearest: Arc<NearestSample>,
+    /// For what the view did not see.
+    carried: OnceLock<Carried>,
+    camera: Camera,
+    /// Rows as they are asked for.
+    pieces: Vec<OnceLock<Pieces>>,
+    /// Of each offset row, irradiance that it adds, W/m²; empty for none.
+    added: Vec<Vec4>,
+    /// Places that were asked about and that no view sample lies near.
+    pub unseen: AtomicUsize,
+}
+
+/// The rows of a place, and how much each counts.
+#[derive(Clone, Debug, Default)]
+pub struct Mix {
+    rows: Vec<(u32, f32)>,
+}
+
+impl Mix {
+    /// Of all rows: how much of the edit there is.
+    pub fn amount(&self) -> f32 {
+        self.rows.iter().map(|row| row.1).sum()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+}
+
+impl<'a> SampledEdits<'a> {
+    /// # Errors
+    /// The edits were sampled for another scene.
+    pub fn new(geometry: &'a Geometry, sampled: &'a Sampled, memo: &dyn Memo) -> Result<Self> {
+        sampled.check_scene(geometry)?;
+        let key = Key::of(&[b"nearest samples", &geometry.fingerprint, &sampled.digest()]);
+        let nearest = memo.remember(
+            key,
+            |nearest: &NearestSample| 64 * nearest.points().len() as u64,
+            || {
+                let seen =
+                    sampled.view.side.iter().zip(&sampled.view.barycentrics[..]).filter(|(side, _)| **side != NOWHERE);
+                let point = |(side, at): (&u32, &[f32; 2])| {
+                    geometry.surface_point((side / 2) as usize, at[0], at[1], side % 2 == 0)
+                };
+                let seen: Vec<SurfacePoint> = seen.map(point).collect();
+                let live = live_sides(geometry, &seen, memo)?;
+                Ok(NearestSample::new(geometry, &live, &sampled.gather.side, &sampled.gather.barycentrics))
+            },
+        )?;
+        let view = &sampled.origin.camera;
+        let camera = Camera {
+            name: view.name.clone(),
+            position: view.position,
+            world_from_camera: view.world_from_camera,
+            fov_y: view.fov_y,
+        };
+        let pieces = (0..sampled.rows()).map(|_| OnceLock::new()).collect();
+        let unseen = AtomicUsize::new(0);
+        Ok(Self { geometry, sampled, nearest, carried: OnceLock::new(), camera, pieces, added: Vec::new(), unseen })
+    }
+
+    /// The gather sample nearest to a hit; `None` where there is none on that side.
+    fn sample(&self, point: &SurfacePoint, barycentrics: [f32; 2]) -> Option<u32> {
+        if !point.exists() {
+            return None;
+        }
+        let front = self.geometry.area_vector(point.triangle as usize).dot(point.geometric_normal.into()) >= 0.0;
+        self.nearest.at(point.triangle, barycentrics, front)
+    }
+
+    /// Changes light where it leaves a surface, by the gather sample nearest to there.
+    pub fn at_source(&self, samples: &[Option<u32>], leaving: &mut Leaving) {
+        let source = &self.sampled.source;
+        if source.scale.is_none() && source.offset.is_none() {
+            return;
+        }
+        let light = leaving.from_lamps.par_iter_mut().zip(&mut leaving.from_others).zip(samples).with_min_len(4096);
+        light.for_each(|((lamps, others), sample)| {
+            let (scale, offset) = at(source, *sample);
+            *lamps = (*lamps * scale).with_w(lamps.w);
+            *others = *others * scale + offset;
+        });
+    }
+
+    /// The gather samples nearest to N places.
+    pub fn samples(&self, points: &[SurfacePoint], barycentrics: &[[f32; 2]]) -> Vec<Option<u32>> {
+        let each = points.par_iter().zip(barycentrics).with_min_len(1024);
+        each.map(|(point, at)| self.sample(point, *at)).collect()
+    }
+
+    pub fn changes_transit(&self) -> bool {
+        !self.sampled.touched.is_empty()
+    }
+
+    /// What offset rows add comes from all surfaces, seen or not: `incident` says how bright they are.
+    pub fn add_offsets(&mut self, incident: &Incident) -> Result<()> {
+        let Some(offsets) = &self.sampled.offsets else { return Ok(()) };
+        let points = self.nearest.points().to_vec();
+        let mut leaving = incident.light(points, &self.sampled.gather.barycentrics, 0)?;
+        let samples: Vec<Option<u32>> = (0..self.nearest.points().len() as u32).map(Some).collect();
+        self.at_source(&samples, &mut leaving);
+        let all = leaving.from_lamps.iter().zip(&leaving.from_others);
+        let exitance: Vec<[f32; 4]> = all.map(|(a, b)| (a.with_w(0.0) + *b).to_array()).collect();
+        let added = offset_product(incident.device, offsets, &exitance, 1)?;
+        self.added = added.into_iter().map(Vec4::from_array).collect();
+        Ok(())
+    }
+
+    /// The rows of a place: of its three nearest view samples, each by its barycentric weight.
+    pub fn mix(&self, place: &SurfacePoint) -> Mix {
+        let mut mix = Mix::default();
+        let reach = self.reach(place);
+        for (sample, share) in reach.samples.into_iter().zip(reach.weights).filter(|(_, share)| *share > 0.0) {
+            let Ok(touched) = self.sampled.touched.binary_search(&sample) else { continue };
+            for (row, weight) in self.sampled.slots[touched].into_iter().zip(self.sampled.weights[touched]) {
+                if row == UNTOUCHED || weight == 0.0 {
+                    continue;
+                }
+                match mix.rows.iter_mut().find(|known| known.0 == row) {
+                    Some(known) => known.1 += share * weight,
+                    None => mix.rows.push((row, share * weight)),
+                }
+            }
+        }
+        mix
+    }
+
+    /// `S - 1` of a place over gather samples.
+    pub fn scales(&self, mix: &Mix) -> Pieces {
+        let pieces =
+            |row: u32| self.pieces[row as usize].get_or_init(|| Pieces::of(&self.sampled.scales, row as usize));
+        let parts: Vec<(&Pieces, f32)> = mix.rows.iter().map(|(row, weight)| (pieces(*row), *weight)).collect();
+        Pieces::sum(&parts, self.sampled.origin.gather_samples as u32)
+    }
+
+    /// Irradiance that offset rows add at a place, W/m².
+    pub fn added(&self, mix: &Mix) -> Vec4 {
+        mix.rows.iter().filter_map(|(row, weight)| Some(*self.added.get(*row as usize)? * *weight)).sum()
+    }
+
+    /// Changes radiance from surface points to the camera.
+    pub fn at_eye(&self, points: &[SurfacePoint], radiance: &mut [[f32; 4]]) {
+        let eye = &self.sampled.eye;
+        if eye.scale.is_none() && eye.offset.is_none() {
+            return;
+        }
+        radiance.par_iter_mut().zip(points).with_min_len(1024).for_each(|(light, point)| {
+            let reach = self.reach(point);
+            let (mut scale, mut offset, mut all) = (Vec4::ZERO, Vec4::ZERO, 0.0);
+            for (sample, share) in reach.samples.into_iter().zip(reach.weights) {
+                let (s, o) = at(eye, Some(sample));
+                (scale, offset, all) = (scale + s * share, offset + o * share, all + share);
+            }
+            if all > 0.0 {
+                *light = (Vec4::from_array(*light) * scale + offset).to_array();
+            }
+        });
+    }
+
+    /// The three view samples of the same object, turned alike, that are nearest to a place. Those that the edits' own
+    /// camera saw beside it are looked at first.
+    fn reach(&self, place: &SurfacePoint) -> Reach {
+        if !place.exists() {
+            return Reach::none(Found::NoSurface);
+        }
+        let origin = &self.sampled.origin;
+        let (width, height) = (origin.width * origin.across, origin.height * origin.down);
+        let (at, normal) = (Vec3::from(place.position), Vec3::from(place.normal));
+        let seen = self.camera.project(at, Vec2::new(width as f32, height as f32));
+        let mut near = [(f32::INFINITY, 0u32); 3];
+        let mut widest = 0.0f32;
+        if let Some((pixel, _)) = seen {
+            let (x, y) = (pixel.x.floor() as i64, pixel.y.floor() as i64);
+            for (i, j) in (-1..=1).flat_map(|j| (-1..=1).map(move |i| (x + i, y + j))) {
+                if i < 0 || j < 0 || i >= width as i64 || j >= height as i64 {
+                    continue;
+                }
+                let sample = self.number(i as usize, j as usize);
+                let side = self.sampled.view.side[sample];
+                let is_same = side != NOWHERE
+                    && self.geometry.object[(side / 2) as usize] == place.object
+                    && Vec3::from(self.sampled.view.normal[sample]).dot(normal) >= ALIKE;
+                if !is_same {
+                    continue;
+                }
+                let away = Vec3::from(self.sampled.view.position[sample]).distance_squared(at);
+                widest = widest.max(away);
+                let mut new = (away, sample as u32);
+                for known in &mut near {
+                    if new.0 < known.0 {
+                        std::mem::swap(known, &mut new);
+                    }
+                }
+            }
+        }
+        // What lies behind what the camera saw there is not what it saw.
+        if near[2].0.is_finite() && near[0].0 <= 0.5 * widest {
+            let samples = near.map(|near| near.1);
+            let weights = barycentric(at, normal, samples.map(|i| self.sampled.view.position[i as usize].into()));
+            return Reach { found: Found::Seen, samples, weights };
+        }
+        let reach = self.carried.get_or_init(|| Carried::new(self.geometry, self.sampled)).reach(place, f32::INFINITY);
+        if reach.found == Found::Nothing {
+            self.unseen.fetch_add(1, Ordering::Relaxed);
+        }
+        reach
+    }
+
+    /// Of a place of the grid of samples, in their order.
+    fn number(&self, x: usize, y: usize) -> usize {
+        let origin = &self.sampled.origin;
+        let pixel = y / origin.down * origin.width + x / origin.across;
+        pixel * origin.across * origin.down + y % origin.down * origin.across + x % origin.across
+    }
+}
+
+fn at(vectors: &Vectors, sample: Option<u32>) -> (Vec4, Vec4) {
+    let of = |vector: &Option<crate::device::Array<[f32; 4]>>| {
+        Some(Vec4::from_array(vector.as_ref()?[sample? as usize]).with_w(0.0))
+    };
+    (of(&vectors.scale).unwrap_or(Vec4::ONE), of(&vectors.offset).unwrap_or(Vec4::ZERO))
+}
