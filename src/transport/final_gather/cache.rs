@@ -4,10 +4,10 @@
 //! eq. 3.2)
 //!
 //! ```text
-//! w_i(p) = 1 / e_i(p) - 1 / a,   e_i(p) = |p - p_i| / R_i + sqrt(1 - n . n_i)
+//! w_i(p) = 1 / e_i(p) - 1 / a,   e_i(p) = |p - p_i| / R_i + b_i sqrt(1 - n . n_i)
 //! ```
 //!
-//! where `e_i < a` and p does not lie in front of it; what is taken off makes weights fade out instead of ending. Each adds
+//! where `b_i` is 1 but for light from near the horizon, `e_i < a` and p does not lie in front of it; what is taken off makes weights fade out instead of ending. Each adds
 //! its light with its gradients. `R_i` is no larger than a neighbour's and the way to there (Křivánek et al. 2006), so that
 //! no record overlooks what its neighbours see; and no smaller than what the picture can show.
 
@@ -42,6 +42,10 @@ struct Shape {
     normal: Vec3,
     /// 1 / R.
     inverse: f32,
+    /// How much faster than elsewhere its light changes with the normal, at least 1.
+    bend: f32,
+    /// Where a record is made to count farther than its light allows, gradients are followed by this less.
+    damping: f32,
     variance: f32,
 }
 
@@ -156,17 +160,20 @@ impl<'a> Cache<'a> {
     /// Makes look-ups follow the records.
     pub fn refresh(&mut self) {
         let (error, pixels) = (self.error, self.pixels);
-        let shape = |record: &Record| {
+        let parts = self.parts();
+        let shape = |(record, light): (&Record, &[Gradients])| {
             let radius = record.radius.max(pixels * record.footprint / error).max(1e-20);
             Shape {
                 position: record.place.position.into(),
                 reach2: (error * radius).powi(2),
                 normal: record.place.normal.into(),
                 inverse: 1.0 / radius,
+                bend: bend(&light[0]),
+                damping: (record.radius / radius).min(1.0),
                 variance: record.variance,
             }
         };
-        self.shapes = self.records.par_iter().with_min_len(1024).map(shape).collect();
+        self.shapes = self.records.par_iter().zip(self.light.par_chunks(parts)).with_min_len(1024).map(shape).collect();
         let spheres: Vec<(Vec3, f32)> = self.shapes.iter().map(|s| (s.position, s.reach2.sqrt())).collect();
         self.index = Index::new(&spheres);
     }
@@ -174,12 +181,19 @@ impl<'a> Cache<'a> {
     /// The light at a place.
     #[inline]
     pub fn look_up(&self, spot: &Spot) -> Found {
+        self.look_up_with(spot, |_, _| {})
+    }
+
+    /// As `look_up`; `tell` hears which records count, and how much.
+    #[inline]
+    pub fn look_up_with(&self, spot: &Spot, mut tell: impl FnMut(usize, f32)) -> Found {
         let normal = Vec3::from(spot.point.normal);
         let (mut total, mut variance, mut light) = (0.0, 0.0, Vec4::ZERO);
         let (count, parts) = (self.edits.count(), self.parts());
         self.visit(spot, |record, weight, by| {
             let shape = &self.shapes[record];
-            let turn = shape.normal.cross(normal);
+            let (by, turn) = (by * shape.damping, shape.normal.cross(normal));
+            tell(record, weight);
             total += weight;
             variance += weight * weight * shape.variance;
             let all = &self.light[record * parts..][..parts];
@@ -256,7 +270,7 @@ impl<'a> Cache<'a> {
                 return true;
             }
             let cosine = normal.dot(shape.normal);
-            let error = squared.sqrt() * shape.inverse + (1.0 - cosine).max(0.0).sqrt();
+            let error = squared.sqrt() * shape.inverse + shape.bend * (1.0 - cosine).max(0.0).sqrt();
             // In front of it, a place sees what the record has behind itself.
             if error >= self.error || by.dot(normal + shape.normal) * shape.inverse < -0.1 * self.error {
                 return true;
@@ -270,4 +284,11 @@ impl<'a> Cache<'a> {
             take(record as usize, 1.0 / error.max(1e-3 * self.error) - 1.0 / self.error, by)
         });
     }
+}
+
+/// Light that comes from near the horizon alone changes much with the normal: a turn by `1 / bend` of what others stand
+/// changes it as much.
+fn bend(light: &Gradients) -> f32 {
+    let steepest = light.turned.iter().map(|by| by.truncate().length_squared()).sum::<f32>().sqrt();
+    (steepest / light.value.truncate().length().max(1e-20)).clamp(1.0, 10.0)
 }

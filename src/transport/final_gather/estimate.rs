@@ -34,59 +34,74 @@ pub struct Demand {
 
 /// Parts that a picture is summed up in, whatever the number of threads.
 const PARTS: usize = 16;
+/// Pixels that are looked at, about.
+const PIXELS: usize = 80_000;
+
+struct Part {
+    weights: Vec<f64>,
+    sum: f64,
+    pixels: usize,
+}
 
 impl Demand {
-    /// `reflectance`: one a pixel.
+    /// `reflectance`: one a pixel. Of a large picture, every so many pixels tell enough.
     pub fn new(cache: &Cache, view: &View, reflectance: &[[f32; 4]]) -> Self {
-        let pixels = view.points.len();
-        let part = pixels.div_ceil(PARTS).max(1);
-        let parts: Vec<(Vec<f64>, f64)> = (0..pixels.div_ceil(part))
-            .into_par_iter()
-            .map(|number| {
-                let mut weights = vec![0.0f64; cache.records.len()];
-                let mut sum = 0.0;
-                let mut counted = Vec::new();
-                for pixel in number * part..pixels.min((number + 1) * part) {
-                    let spot = view.spot(pixel);
-                    if !spot.point.exists() {
-                        continue;
-                    }
-                    let factor = Vec4::from_array(reflectance[pixel]).truncate() * FRAC_1_PI;
-                    sum += f64::from((cache.look_up(&spot).light.truncate() * factor).element_sum());
-                    counted.clear();
-                    cache.visit(&spot, |record, weight, _| {
-                        counted.push((record, weight));
-                        true
-                    });
-                    let total: f32 = counted.iter().map(|counted| counted.1).sum();
-                    // The variance is of all channels together, so the factor is of their mean.
-                    let share = f64::from(factor.length_squared()) / 3.0;
-                    counted.iter().for_each(|(record, weight)| {
-                        weights[*record] += share * f64::from(weight / total).powi(2);
-                    });
+        let step = (view.points.len() as f64 / PIXELS as f64).sqrt().ceil().max(1.0) as usize;
+        let rows: Vec<usize> = (step / 2..view.height).step_by(step).collect();
+        let part = rows.len().div_ceil(PARTS).max(1);
+        let look = |rows: &[usize]| {
+            let mut part = Part { weights: vec![0.0; cache.records.len()], sum: 0.0, pixels: 0 };
+            let mut counted = Vec::new();
+            for pixel in rows.iter().flat_map(|y| (step / 2..view.width).step_by(step).map(move |x| y * view.width + x))
+            {
+                part.pixels += 1;
+                let spot = view.spot(pixel);
+                if !spot.point.exists() {
+                    continue;
                 }
-                (weights, sum)
-            })
-            .collect();
+                let factor = Vec4::from_array(reflectance[pixel]).truncate() * FRAC_1_PI;
+                counted.clear();
+                let found = cache.look_up_with(&spot, |record, weight| counted.push((record, weight)));
+                part.sum += f64::from((found.light.truncate() * factor).element_sum());
+                // The variance is of all channels together, so the factor is of their mean.
+                let share = f64::from(factor.length_squared()) / 3.0;
+                counted.iter().for_each(|(record, weight)| {
+                    part.weights[*record] += share * f64::from(weight / found.weight).powi(2);
+                });
+            }
+            part
+        };
+        let parts: Vec<Part> = rows.par_chunks(part).map(look).collect();
+        let pixels: usize = parts.iter().map(|part| part.pixels).sum();
         // Means over all channels.
         let channels = 3.0 * pixels.max(1) as f64;
         let mut weights = vec![0.0; cache.records.len()];
-        for (part, _) in &parts {
-            weights.iter_mut().zip(part).for_each(|(sum, part)| *sum += part / channels);
+        for part in &parts {
+            weights.iter_mut().zip(&part.weights).for_each(|(sum, part)| *sum += part / channels);
         }
-        let mean = parts.iter().map(|part| part.1).sum::<f64>() / channels;
+        let mean = parts.iter().map(|part| part.sum).sum::<f64>() / channels;
         let noise2 =
             weights.iter().zip(&cache.records).map(|(weight, record)| weight * f64::from(record.variance)).sum();
         Self { weights, mean, noise2 }
     }
 
     /// Rays to add, by record, so that the noise falls to `noise2` with as few as can be; none has more than `most` in all.
-    /// More rays go where variance is large and much of the picture looks (Neyman 1934).
-    pub fn rays(&self, cache: &Cache, noise2: f64, most: u32) -> Vec<(usize, u32)> {
+    /// More rays go where variance is large and much of the picture looks (Neyman 1934); and so many everywhere that no
+    /// record errs by more than `local` of its own light, which eyes see where it is dark.
+    pub fn rays(&self, cache: &Cache, noise2: f64, local: f64, most: u32) -> Vec<(usize, u32)> {
         let variance = smooth_variance(cache);
         let rays: Vec<f64> = cache.records.iter().map(|record| f64::from(record.rays)).collect();
         let pull: Vec<f64> = (0..rays.len()).map(|i| (self.weights[i] * variance[i] * rays[i]).sqrt()).collect();
-        let wanted = |scale: f64, i: usize| (scale * pull[i]).clamp(rays[i], f64::from(most).max(rays[i]));
+        let light = |i: usize| f64::from(cache.light[i * cache.parts()].value.truncate().length());
+        let usual = DARK * (0..rays.len()).map(light).sum::<f64>() / rays.len().max(1) as f64;
+        let least: Vec<f64> = (0..rays.len())
+            .map(|i| {
+                let allowed = (local * (light(i) + usual)).powi(2).max(f64::MIN_POSITIVE);
+                rays[i] * (variance[i] / allowed).clamp(1.0, AT_ONCE)
+            })
+            .collect();
+        let wanted =
+            |scale: f64, i: usize| (scale * pull[i]).max(least[i]).clamp(rays[i], f64::from(most).max(rays[i]));
         let reached = |scale: f64| -> f64 {
             (0..rays.len()).map(|i| self.weights[i] * variance[i] * rays[i] / wanted(scale, i)).sum()
         };
@@ -106,6 +121,11 @@ impl Demand {
         (0..rays.len()).filter_map(more).collect()
     }
 }
+
+/// Light up to this times the mean of all records is not told apart from none.
+const DARK: f64 = 0.05;
+/// Times as many rays as a record has that it may get at once for its own sake: its variance is a guess.
+const AT_ONCE: f64 = 4.0;
 
 /// The variances of records, each with its neighbours': one alone is a guess.
 fn smooth_variance(cache: &Cache) -> Vec<f64> {

@@ -36,6 +36,11 @@ const TYPICAL: f64 = 0.15;
 /// What is left of it in the finer cache: interpolation errs with the square of the cache's error.
 const LEFT: f64 = 0.25;
 
+/// Noise of a record, over that of the picture, from which on eyes see it.
+const LOCAL: f64 = 3.0;
+/// Times that it is looked for in the end.
+const EVENED: usize = 3;
+
 /// Where the work stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
@@ -54,6 +59,10 @@ pub struct Renderer<'a> {
     first: Option<Pass>,
     film: Film,
     phase: Phase,
+    /// Of the cache as it is.
+    demand: Option<Demand>,
+    /// Times that noise was evened out.
+    evened: usize,
     pub estimate: Estimate,
 }
 
@@ -76,6 +85,8 @@ impl<'a> Renderer<'a> {
             first: None,
             film: Film::new(seen.camera, pixels as usize),
             phase: Phase::Start,
+            demand: None,
+            evened: 0,
             estimate: Estimate::default(),
             seen,
             settings,
@@ -131,11 +142,17 @@ impl<'a> Renderer<'a> {
 
     fn refine(&mut self, progress: &Progress) -> Result<()> {
         let Some(first) = self.first.take() else { return Ok(()) };
-        if self.estimate.error() <= f64::from(self.settings.tolerance) {
+        let is_good = self.estimate.error() <= f64::from(self.settings.tolerance);
+        if is_good && (self.evened >= EVENED || !self.even_out(&first, progress)?) {
             let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
             self.expose(&mut film, &first);
             self.film = film;
             self.phase = if self.settings.samples_per_pixel > 1 { Phase::Smooth } else { Phase::Done };
+            return Ok(());
+        }
+        if is_good {
+            self.assess(&first);
+            self.first = Some(first);
             return Ok(());
         }
         let improved = match self.estimate.noise >= self.estimate.interpolation {
@@ -151,11 +168,29 @@ impl<'a> Renderer<'a> {
 
     /// Halves the noise, or makes it as small as it need be.
     fn more_rays(&mut self, first: &Pass, progress: &Progress) -> Result<()> {
-        let demand = Demand::new(&self.cache, &view(first), &first.reflectance);
+        let demand = self.demand(first);
         let enough = (0.6 * f64::from(self.settings.tolerance) * demand.mean).powi(2);
-        let wanted = demand.rays(&self.cache, (0.25 * demand.noise2).max(enough), self.settings.rays);
+        let local = LOCAL * f64::from(self.settings.tolerance).max(self.estimate.noise / 2.0);
+        let wanted = demand.rays(&self.cache, (0.25 * demand.noise2).max(enough), local, self.settings.rays);
+        self.add_rays(&wanted, progress)
+    }
+
+    /// More rays for records whose noise is seen, small as their part in the picture is; false when there are none.
+    fn even_out(&mut self, first: &Pass, progress: &Progress) -> Result<bool> {
+        self.evened += 1;
+        let local = LOCAL * f64::from(self.settings.tolerance);
+        let wanted = self.demand(first).rays(&self.cache, f64::INFINITY, local, self.settings.rays);
+        self.add_rays(&wanted, progress)?;
+        Ok(!wanted.is_empty())
+    }
+
+    fn demand(&mut self, first: &Pass) -> Demand {
+        self.demand.take().unwrap_or_else(|| Demand::new(&self.cache, &view(first), &first.reflectance))
+    }
+
+    fn add_rays(&mut self, wanted: &[(usize, u32)], progress: &Progress) -> Result<()> {
         let stage = progress.stage("more rays", wanted.iter().map(|(_, rays)| u64::from(*rays)).sum());
-        let done = self.growth.add_rays(&mut self.cache, &wanted, &stage);
+        let done = self.growth.add_rays(&mut self.cache, wanted, &stage);
         self.cache.refresh();
         done
     }
@@ -203,6 +238,7 @@ impl<'a> Renderer<'a> {
         let demand = Demand::new(&self.cache, &view(first), &first.reflectance);
         self.estimate.mean = demand.mean;
         self.estimate.noise = demand.noise2.sqrt() / demand.mean.max(f64::MIN_POSITIVE);
+        self.demand = Some(demand);
     }
 
     /// Adds a pass to a film, in the light of the cache.
