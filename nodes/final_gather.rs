@@ -1,6 +1,5 @@
 //! The offline renderer (thesis 5.5.3): any resolution, any samples a pixel, indirect light by final gathering.
 
-use crate::Result;
 use crate::image::Image;
 use crate::node::{Info, Inputs, Job, Key, Node, Port};
 use crate::nodes::camera;
@@ -8,6 +7,7 @@ use crate::scene::Material;
 use crate::transport::final_gather::{Bounces, Crossing, Incident, Renderer, Seen, Settings, SourceEdits};
 use crate::transport::{Edits, Samples};
 use crate::value::{Kind, Value};
+use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -82,6 +82,11 @@ impl Node for FinalGather {
         };
         let none = Arc::new(Edits::default());
         let edits = inputs.edits("edits").unwrap_or(&none);
+        let glows = edits.source().any(|brush| brush.offset != glam::Vec3::ZERO) || edits.sampled().next().is_some();
+        if lights.is_empty() && !materials.iter().any(Material::emits) && !glows {
+            let help = "add a light node and connect it to the scene, or give a material emission";
+            return Err(Error::compute("the scene has no light: no lamp, and no surface that emits", help));
+        }
         let mut incident = Incident::new(job.device, &geometry, &materials, &lights, SourceEdits::new(edits));
         if self.bounces > 1 {
             // Where the camera is says which sides of surfaces matter; a small picture does.
@@ -99,6 +104,15 @@ impl Node for FinalGather {
             gloss: materials.iter().map(Material::gloss).collect::<Vec<_>>().into(),
             light_samples: self.light_samples.div_ceil(self.samples_per_pixel),
         };
+        let shines = |material: &&Material| material.gloss()[..3].iter().any(|f0| *f0 > 0.0);
+        let shining: Vec<&str> = materials.iter().filter(shines).map(|material| material.name.as_str()).collect();
+        if !shining.is_empty() {
+            job.warn(format!(
+                "indirect light makes no highlights here yet: {} of {} materials would show some",
+                shining.len(),
+                materials.len()
+            ));
+        }
         let settings = Settings {
             samples_per_pixel: self.samples_per_pixel,
             tolerance: self.tolerance,
@@ -106,7 +120,47 @@ impl Node for FinalGather {
             cache_error: self.cache_error,
         };
         let mut renderer = Renderer::new(&incident, &crossing, seen, settings)?;
-        while renderer.step(&job.progress)? {}
+        let (width, height) = (self.width as usize, self.height as usize);
+        let picture = |renderer: &Renderer| {
+            let layers = renderer.layers()?;
+            Some(vec![Value::Image(Arc::new(Image { width, height, layers, ..Image::default() }))])
+        };
+        let stage = job.progress.stage("final gathering", DONE);
+        let mut done = 0;
+        loop {
+            match renderer.step(&job.progress) {
+                Ok(false) => break,
+                Ok(true) => {
+                    let now = (renderer.done() * DONE as f64) as u64;
+                    // Whether to stop is for the next step to say: it leaves the picture whole.
+                    let _ = stage.advance(now.saturating_sub(done));
+                    done = done.max(now);
+                    if let (Some(show), Some(values)) = (job.show, picture(&renderer)) {
+                        show(values);
+                    }
+                }
+                Err(Error::Cancelled) if job.keeps_best && renderer.passes() > 0 => {
+                    let (error, asked) = (100.0 * renderer.estimate.error(), 100.0 * self.tolerance);
+                    let passes = (renderer.passes(), self.samples_per_pixel);
+                    job.stopped_short(format!(
+                        "stopped at an error of {error:.1} % ({asked:.1} % asked) and {} of {} samples a pixel",
+                        passes.0, passes.1
+                    ));
+                    break;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        drop(stage);
+        if let Some(dark) = renderer.is_dark() {
+            return Err(Error::compute(
+                format!(
+                    "no light reaches what the camera sees, most of which is \"{}\"",
+                    geometry.objects[dark as usize]
+                ),
+                "move the camera, which may be inside of it, or a light",
+            ));
+        }
         let cache = renderer.cache();
         job.note("records", cache.records.len());
         job.note("rays", cache.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
@@ -114,8 +168,9 @@ impl Node for FinalGather {
         job.note("error", renderer.estimate.error());
         job.note("noise", renderer.estimate.noise);
         job.note("interpolation", renderer.estimate.interpolation);
-        let layers = renderer.layers().expect("the first step made a picture");
-        let (width, height) = (self.width as usize, self.height as usize);
-        Ok(vec![Value::Image(Arc::new(Image { width, height, layers, ..Image::default() }))])
+        Ok(picture(&renderer).expect("the first step made a picture"))
     }
 }
+
+/// Steps of the bar.
+const DONE: u64 = 1000;

@@ -207,6 +207,9 @@ mod tests {
             key: Key::of(&[]),
             content: Key::of(&[]),
             part: None,
+            show: None,
+            keeps_best: false,
+            unfinished: &std::sync::atomic::AtomicBool::new(false),
             notes: &notes,
         };
         let values = node.run(&inputs, &job)?;

@@ -12,6 +12,7 @@ use crate::stored::Stored;
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// The parts of a value that change for different reasons, so that moving a lamp does not cost a new transfer.
@@ -333,6 +334,12 @@ pub struct Job<'a> {
     pub content: Key,
     /// Only this part of the work is to be done and left on disk; `run` gives no values then.
     pub part: Option<Part>,
+    /// Shows values before they are as good as they will be; `None` where nobody looks.
+    pub show: Option<&'a (dyn Fn(Vec<Value>) + Sync)>,
+    /// A node that is stopped gives the best that it has, where it has anything, and says so by `stopped_short`.
+    pub keeps_best: bool,
+    /// What is computed, or what it is made of, is the best that there was when the work was stopped.
+    pub unfinished: &'a AtomicBool,
     /// What the node says about itself in the report: rays, coefficients kept, error bound.
     pub notes: &'a Mutex<serde_json::Map<String, serde_json::Value>>,
 }
@@ -342,9 +349,21 @@ impl Job<'_> {
         self.base.join(file)
     }
 
-    /// Where an output file goes.
+    /// Where an output file goes. What is unfinished never takes the place of what will be finished: its name says so.
     pub fn output(&self, file: &str) -> PathBuf {
-        self.out.unwrap_or(self.base).join(file)
+        let path = self.out.unwrap_or(self.base).join(file);
+        if !self.unfinished.load(Ordering::Relaxed) {
+            return path;
+        }
+        let extension = path.extension().map(|extension| extension.to_string_lossy().into_owned()).unwrap_or_default();
+        path.with_extension(format!("unfinished.{extension}"))
+    }
+
+    /// What `run` gives is the best that there was when it was stopped; `text` says how good.
+    pub fn stopped_short(&self, text: impl Into<String>) {
+        self.unfinished.store(true, Ordering::Relaxed);
+        self.note("unfinished", true);
+        self.warn(text);
     }
 
     pub fn note(&self, name: &str, value: impl Into<serde_json::Value>) {

@@ -10,7 +10,6 @@ use chiaro::graph::{Document, Plan};
 use chiaro::image::cryptomatte::{self, Cryptomatte};
 use chiaro::image::{Image, Layer, compare, exr_read};
 use chiaro::nodes;
-use chiaro::progress::Silent;
 use chiaro::value::Value;
 use serde_json::{Value as Json, json};
 use std::path::{Path, PathBuf};
@@ -53,7 +52,7 @@ impl Stage {
         let document = Document::parse(Path::new("test.json"), &text.to_string()).unwrap();
         let plan = Plan::new(&document, nodes::ALL).unwrap();
         let never = AtomicBool::new(false);
-        let context = Context { out: None, sink: &Silent, cancel: &never };
+        let context = Context { cancel: &never, ..Context::SILENT };
         let target = plan.find("lit").unwrap();
         let mut values = self.evaluator.evaluate(&plan, &[target], 1, &context, &mut Vec::new()).unwrap();
         match values.remove(0).remove(0) {

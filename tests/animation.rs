@@ -26,7 +26,6 @@ use chiaro::eval::{Context, Evaluator, NodeReport, Options};
 use chiaro::graph::{Document, Plan};
 use chiaro::image::Image;
 use chiaro::nodes;
-use chiaro::progress::Silent;
 use chiaro::value::Value;
 use glb::Glb;
 use serde_json::{Value as Json, json};
@@ -53,7 +52,7 @@ impl Stage {
 
     pub fn run(&self, plan: &Plan, node: &str, frame: i64) -> chiaro::Result<(Value, Vec<NodeReport>)> {
         let (never, mut report) = (AtomicBool::new(false), Vec::new());
-        let context = Context { out: None, sink: &Silent, cancel: &never };
+        let context = Context { cancel: &never, ..Context::SILENT };
         let target = plan.find(node).unwrap_or_else(|| panic!("no node {node}"));
         let mut values = self.evaluator.evaluate(plan, &[target], frame, &context, &mut report)?;
         Ok((values.swap_remove(0).swap_remove(0), report))

@@ -11,7 +11,6 @@ use chiaro::image::exr_write::{self, Depth};
 use chiaro::image::{Content, Image, Layer, load};
 use chiaro::node::NoMemo;
 use chiaro::nodes;
-use chiaro::progress::Silent;
 use chiaro::scene::{Environment, LatLong, cube};
 use chiaro::transport::shadow::Lamp;
 use chiaro::transport::shadow::localize::{Settings, localize};
@@ -40,7 +39,7 @@ fn plan(folder: &Path, params: Json) -> Plan {
 /// What an `environment` node gives at a frame, and what it reports.
 fn at_frame(folder: &Path, params: Json, frame: i64) -> Result<(Arc<Environment>, NodeReport), Error> {
     let (plan, never, mut report) = (plan(folder, params), AtomicBool::new(false), Vec::new());
-    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let context = Context { cancel: &never, ..Context::SILENT };
     let evaluator = Evaluator::new(Options::new(Device::Cpu));
     let mut values = evaluator.evaluate(&plan, &[plan.find("sky").unwrap()], frame, &context, &mut report)?;
     let Value::Environment(environment) = values.swap_remove(0).swap_remove(0) else { panic!("an environment") };

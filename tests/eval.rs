@@ -8,7 +8,6 @@ use chiaro::eval::keys::{Task, tasks};
 use chiaro::eval::{CacheUse, Context, Disk, Evaluator, NodeReport, Options};
 use chiaro::graph::{Document, Plan};
 use chiaro::node::{Key, NoMemo};
-use chiaro::progress::Silent;
 use chiaro::value::Value;
 use serde_json::{Value as Json, json};
 use std::path::Path;
@@ -34,7 +33,7 @@ fn on_disk(folder: &Path) -> Evaluator {
 }
 
 static NEVER: AtomicBool = AtomicBool::new(false);
-const CONTEXT: Context = Context { out: None, sink: &Silent, cancel: &NEVER };
+const CONTEXT: Context = Context { cancel: &NEVER, ..Context::SILENT };
 
 /// Evaluates one node and says what happened to each: `name use`, sorted.
 fn evaluate(evaluator: &Evaluator, plan: &Plan, node: &str, frame: i64) -> (Vec<Value>, Vec<String>) {

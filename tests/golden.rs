@@ -114,7 +114,7 @@ fn render(name: &str, evaluator: &Evaluator) -> Result<Image, String> {
     let plan = Plan::new(&document, nodes::ALL).map_err(said)?;
     let targets = plan.targets(&[]).map_err(said)?;
     let never = AtomicBool::new(false);
-    let context = Context { out: Some(folder.path()), sink: &Silent, cancel: &never };
+    let context = Context { out: Some(folder.path()), sink: &Silent, cancel: &never, ..Context::SILENT };
     evaluator.evaluate(&plan, &targets, plan.frames[0], &context, &mut Vec::new()).map_err(said)?;
     load::load(&folder.path().join(name).with_extension("exr"), None).map_err(said)
 }

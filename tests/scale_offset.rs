@@ -191,7 +191,7 @@ fn a_file_of_edits_is_the_edits_and_what_is_sampled_is_not_sampled_again() {
         })),
     );
     let never = std::sync::atomic::AtomicBool::new(false);
-    let context = chiaro::eval::Context { out: None, sink: &chiaro::progress::Silent, cancel: &never };
+    let context = chiaro::eval::Context { cancel: &never, ..chiaro::eval::Context::SILENT };
     let run = |node: &str| evaluator.evaluate(&plan, &[plan.find(node).unwrap()], 1, &context, &mut Vec::new());
     run("kept").unwrap();
     let again = image(&evaluator, &plan, "curve_again");

@@ -21,11 +21,12 @@ use chiaro::kernels::hidden_rows::{Walk, hidden_rows};
 use chiaro::kernels::primary_visibility::primary_visibility;
 use chiaro::kernels::run_light::{Element, Face};
 use chiaro::kernels::tone_map::Operator;
+use chiaro::kernels::trace_rays::{RayRecord, trace_rays};
 use chiaro::kernels::transfer_points::transfer_points;
 use chiaro::kernels::transfer_rows::{Starts, transfer_rows};
 use chiaro::kernels::{
-    self, average_pyramid, colour_edits, entry_ways, haar_encode, haar2d_encode, interpolate, path_product, run_light,
-    scaled_product, sparse_product, surroundings, tone_map,
+    self, average_pyramid, blocked_rays, colour_edits, entry_ways, haar_encode, haar2d_encode, interpolate,
+    path_product, run_light, scaled_product, sparse_product, surroundings, tone_map,
 };
 use chiaro::memo::NoMemo;
 use chiaro::scene::{Camera, Geometry, Light, LightKind, Scene, SurfacePoint, builtin, light};
@@ -49,6 +50,7 @@ type Test = fn(&Devices) -> Outcome;
 
 const TESTS: &[(&str, Test)] = &[
     ("average_pyramid", pyramids),
+    ("blocked_rays", rays::blocked),
     ("colour_edits", edits),
     ("direct_light", rays::lights),
     ("entry_ways", entry_ways_of_rows),
@@ -68,6 +70,7 @@ const TESTS: &[(&str, Test)] = &[
     ("sparse_product", products),
     ("surroundings", rays::openness),
     ("tone_map", tones),
+    ("trace_rays", rays::traced),
     ("transfer_points", rays::pairs),
     ("transfer_rows", rays::rows),
     ("visibility_masks", masks::masks),

@@ -126,7 +126,8 @@ pub const PROGRESS: &str = "render";
 
 static CANCEL: AtomicBool = AtomicBool::new(false);
 
-/// The first Ctrl-C (or SIGTERM) asks nodes to stop between tiles; the second ends the process.
+/// The first Ctrl-C (or SIGTERM) asks nodes to stop between tiles, and those that can to leave the best that they have; the
+/// second ends the process.
 fn listen_for_signals() {
     let set = ctrlc::set_handler(|| {
         if CANCEL.swap(true, Ordering::Relaxed) {
@@ -170,7 +171,8 @@ impl Args {
             threads: rayon::current_num_threads(),
             ..Report::default()
         };
-        let context = Context { out: self.out.as_deref(), sink: &*sink, cancel: &CANCEL };
+        let out = self.out.as_deref();
+        let context = Context { out, sink: &*sink, cancel: &CANCEL, keeps_best: true, ..Context::SILENT };
         let result = self.render(&plan, &targets, &frames, &evaluator, &context, &mut report);
         report.seconds = start.elapsed().as_secs_f64();
         report.peak_memory_bytes = peak_memory();

@@ -4,7 +4,7 @@
 //! let document = graph::load(path)?;
 //! let plan = Plan::new(&document, nodes::ALL)?;
 //! let evaluator = Evaluator::new(Options { disk: Some(Disk::open(folder, bound)?), ..Options::new(device) });
-//! let context = Context { out: None, sink: &Silent, cancel: &flag };
+//! let context = Context { cancel: &flag, ..Context::SILENT };
 //! let values = evaluator.evaluate(&plan, &plan.targets(&[])?, frame, &context, &mut report)?;
 //! ```
 //!
@@ -26,7 +26,7 @@ pub use report::{CacheUse, NodeReport, Report};
 use crate::device::Device;
 use crate::graph::{Plan, Step};
 use crate::node::{Given, Inputs, Job, Key, Part};
-use crate::progress::{Progress, Sink};
+use crate::progress::{Progress, Silent, Sink};
 use crate::stored::SectionWriter;
 use crate::value::Value;
 use crate::{Error, Result};
@@ -37,7 +37,7 @@ use keys::{Source, Task, Tasks};
 use serde_json::{Map, Value as Json};
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -72,6 +72,21 @@ pub struct Context<'a> {
     pub out: Option<&'a Path>,
     pub sink: &'a dyn Sink,
     pub cancel: &'a AtomicBool,
+    /// A node that is stopped may give the best that it has: what takes from it still runs, nothing of that is kept, and
+    /// the evaluation ends as `Cancelled`.
+    pub keeps_best: bool,
+    /// Is shown the targets' values before they are as good as asked, as they get better.
+    pub show: Option<&'a Show<'a>>,
+}
+
+/// Takes the values of each target.
+pub type Show<'a> = dyn Fn(Vec<Vec<Value>>) + Sync + 'a;
+
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+impl Context<'static> {
+    /// Shows nothing, and goes on to the end.
+    pub const SILENT: Self = Self { out: None, sink: &Silent, cancel: &NEVER, keeps_best: false, show: None };
 }
 
 /// What the memory cache holds of a node.
@@ -84,6 +99,8 @@ pub struct Remembered {
 struct Outputs {
     values: Vec<Value>,
     notes: Map<String, Json>,
+    /// They, or what they were made of, are the best that a node had when it was stopped.
+    unfinished: bool,
 }
 
 impl Outputs {
@@ -169,8 +186,11 @@ impl Evaluator {
         let tasks = self.tasks(plan, targets, frame)?;
         let numbers: Vec<usize> =
             targets.iter().map(|step| tasks.find(*step, frame).expect("it is asked for")).collect();
-        let mut evaluation = Evaluation { evaluator: self, plan, tasks: &tasks, context, report };
+        let mut evaluation = Evaluation { evaluator: self, plan, tasks: &tasks, context, report, targets: &numbers };
         let results = evaluation.results(&numbers)?;
+        if numbers.iter().any(|number| results[*number].as_ref().is_some_and(|outputs| outputs.unfinished)) {
+            return Err(Error::Cancelled);
+        }
         let values = |number: &usize| results[*number].as_ref().map_or_else(Vec::new, |outputs| outputs.values.clone());
         Ok(numbers.iter().map(values).collect())
     }
@@ -190,7 +210,7 @@ impl Evaluator {
         report: &mut Vec<NodeReport>,
     ) -> Result<()> {
         let tasks = self.tasks(plan, targets, frame)?;
-        let mut evaluation = Evaluation { evaluator: self, plan, tasks: &tasks, context, report };
+        let mut evaluation = Evaluation { evaluator: self, plan, tasks: &tasks, context, report, targets: &[] };
         for (number, task) in tasks.list.iter().enumerate() {
             if !plan.steps[task.step].node_type.info.in_parts || self.is_on_disk(task.key) {
                 continue;
@@ -210,6 +230,8 @@ struct Evaluation<'a> {
     tasks: &'a Tasks,
     context: &'a Context<'a>,
     report: &'a mut Vec<NodeReport>,
+    /// Tasks that were asked for.
+    targets: &'a [usize],
 }
 
 impl<'a> Evaluation<'a> {
@@ -284,7 +306,7 @@ impl<'a> Evaluation<'a> {
         let found = disk.get(key, |sections| {
             let notes = sections.value()?;
             let values = info.outputs.iter().map(|port| Value::read(port.kind, sections)).collect::<Option<_>>()?;
-            Some(Outputs { values, notes })
+            Some(Outputs { values, notes, unfinished: false })
         });
         match found {
             Found::Value(outputs) => {
@@ -324,7 +346,8 @@ impl<'a> Evaluation<'a> {
     fn pass(&mut self, index: usize, port: usize, results: &[Option<Arc<Outputs>>]) -> Arc<Outputs> {
         let (value, _) = self.given(&self.task(index).1.inputs[port][0], results);
         self.tell(index, Instant::now(), CacheUse::Pass, value.bytes(), Map::new());
-        Arc::new(Outputs { values: vec![value], notes: Map::new() })
+        let unfinished = results[self.task(index).1.inputs[port][0].task].as_ref().is_some_and(|from| from.unfinished);
+        Arc::new(Outputs { values: vec![value], notes: Map::new(), unfinished })
     }
 
     fn run(
@@ -339,7 +362,7 @@ impl<'a> Evaluation<'a> {
         let given: Vec<_> = outputs.values.iter().map(Value::kind).collect();
         let declared: Vec<_> = info.outputs.iter().map(|port| port.kind).collect();
         assert_eq!(given, declared, "{} does not give what it declares", info.name);
-        if !step.is_sink() {
+        if !step.is_sink() && !outputs.unfinished {
             match cached {
                 Some(cached) => compare(&cached, &outputs).map_err(|error| error.at_node(&step.name, info.name))?,
                 None => self.keep(index, task.key, &outputs),
@@ -358,11 +381,20 @@ impl<'a> Evaluation<'a> {
         let (step, task) = self.task(index);
         let inputs = self.inputs(index, results);
         let notes = Mutex::new(Map::new());
+        let from =
+            task.inputs.iter().flatten().any(|source| results[source.task].as_ref().is_some_and(|r| r.unfinished));
+        let unfinished = AtomicBool::new(from);
+        let show = |values: Vec<Value>| self.show(index, values, results);
         let Evaluator { memory, disk, verify, .. } = self.evaluator;
         let memo = Kept { memory, disk: disk.as_ref(), verify: *verify, must_last: part.is_some() };
         let job = Job {
             device: &self.evaluator.device,
-            progress: Progress { node: &step.name, sink: self.context.sink, cancel: self.context.cancel },
+            progress: Progress {
+                node: &step.name,
+                sink: self.context.sink,
+                // What is made of the best that there is goes on to its end.
+                cancel: if from { &NEVER } else { self.context.cancel },
+            },
             memo: &memo,
             frame: task.told,
             fps: self.plan.fps,
@@ -373,6 +405,9 @@ impl<'a> Evaluation<'a> {
             content: task.content,
             part,
             notes: &notes,
+            show: self.context.show.map(|_| &show as &(dyn Fn(Vec<Value>) + Sync)),
+            keeps_best: self.context.keeps_best,
+            unfinished: &unfinished,
         };
         let values = job
             .progress
@@ -380,9 +415,65 @@ impl<'a> Evaluation<'a> {
             .and_then(|()| task.node.run(&inputs, &job))
             .map_err(|error| error.at_node(&step.name, step.node_type.info.name))?;
         drop(inputs);
-        let outputs = Outputs { values, notes: notes.into_inner().expect("no panic while noting") };
+        let unfinished = unfinished.load(Ordering::Relaxed);
+        let outputs = Outputs { values, notes: notes.into_inner().expect("no panic while noting"), unfinished };
         self.tell(index, start, CacheUse::Computed, outputs.bytes(), outputs.notes.clone());
         Ok(outputs)
+    }
+
+    /// Hands out what the targets are with these values of a task, which are not yet what they will be. What else they take
+    /// is computed as ever; what is made of these values is not kept.
+    fn show(&self, index: usize, values: Vec<Value>, results: &[Option<Arc<Outputs>>]) {
+        let Some(show) = self.context.show else { return };
+        let mut early: Vec<Option<Arc<Outputs>>> = results.to_vec();
+        early[index] = Some(Arc::new(Outputs { values, notes: Map::new(), unfinished: true }));
+        let context = Context { show: None, ..*self.context };
+        let mut evaluation = Evaluation { context: &context, report: &mut Vec::new(), ..*self };
+        // What is wrong will be said when it is met in earnest.
+        if let Ok(results) = evaluation.early_results(early) {
+            let of = |number: &usize| results[*number].as_ref().map_or_else(Vec::new, |outputs| outputs.values.clone());
+            show(self.targets.iter().map(of).collect());
+        }
+    }
+
+    /// The results of the targets, from those that there are.
+    fn early_results(&mut self, mut results: Vec<Option<Arc<Outputs>>>) -> Result<Vec<Option<Arc<Outputs>>>> {
+        for target in self.targets {
+            self.early_result(*target, &mut results)?;
+        }
+        Ok(results)
+    }
+
+    fn early_result(&mut self, index: usize, results: &mut Vec<Option<Arc<Outputs>>>) -> Result<()> {
+        let (step, task) = self.task(index);
+        if results[index].is_some() || step.is_sink() {
+            return Ok(());
+        }
+        let sources: Vec<Source> = task.inputs.iter().flatten().copied().collect();
+        if !self.takes_early(index, results)
+            && task.passes.is_none()
+            && let Some(found) = self.look_up(index)
+        {
+            results[index] = Some(found);
+            return Ok(());
+        }
+        for source in &sources {
+            self.early_result(source.task, results)?;
+        }
+        let outputs = match task.passes {
+            Some(port) => self.pass(index, port, results),
+            None => self.run(index, None, results)?,
+        };
+        results[index] = Some(outputs);
+        Ok(())
+    }
+
+    /// Whether a task takes, near or far, from what is unfinished.
+    fn takes_early(&self, index: usize, results: &[Option<Arc<Outputs>>]) -> bool {
+        match &results[index] {
+            Some(outputs) => outputs.unfinished,
+            None => self.task(index).1.inputs.iter().flatten().any(|source| self.takes_early(source.task, results)),
+        }
     }
 
     fn keep(&self, index: usize, key: Key, outputs: &Arc<Outputs>) {

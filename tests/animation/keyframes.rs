@@ -181,7 +181,7 @@ fn what_no_key_saw_is_filled_and_counted() {
     let (error, effect) = (off(&keyed, &direct), off(&plain, &direct));
     assert!(error < 0.02 * effect, "{error} of {effect}");
     let never = AtomicBool::new(false);
-    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let context = Context { cancel: &never, ..Context::SILENT };
     let values =
         stage.evaluator.evaluate(&plan, &[plan.find("keyed").unwrap()], 11, &context, &mut Vec::new()).unwrap();
     let Value::Image(filled) = &values[0][1] else { panic!("a picture") };

@@ -52,7 +52,7 @@ fn light(desk: &Desk) -> Vec3 {
     let plan = Plan::new(&desk.document().upstream(&["lamp"]).refreshed().unwrap(), nodes::ALL).unwrap();
     let targets = plan.targets(&["night".to_owned(), "lamp".to_owned()]).unwrap();
     let (sink, cancel) = (Silent, AtomicBool::new(false));
-    let context = Context { out: None, sink: &sink, cancel: &cancel };
+    let context = Context { out: None, sink: &sink, cancel: &cancel, ..Context::SILENT };
     let evaluator = Evaluator::new(Options::new(Device::Cpu));
     let values = evaluator.evaluate(&plan, &targets, 1, &context, &mut Vec::new()).unwrap();
     let (mut night, mut lamp) = (None, None);

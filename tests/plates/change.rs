@@ -9,7 +9,6 @@ use chiaro::graph::{Document, Plan};
 use chiaro::image::cryptomatte::{self, Cryptomatte};
 use chiaro::image::{ColourSpace, Content, Image, Layer, compare, exr_read};
 use chiaro::nodes;
-use chiaro::progress::Silent;
 use chiaro::transport::shadow::Ratio;
 use chiaro::value::Value;
 use serde_json::{Value as Json, json};
@@ -201,7 +200,7 @@ fn rendered(evaluator: &Evaluator, recipe: &Json, base: &Path) -> Vec<Value> {
     let document = Document::parse(&base.join("test.json"), &recipe.to_string()).unwrap();
     let plan = Plan::new(&document, nodes::ALL).unwrap_or_else(|error| panic!("{error}"));
     let never = AtomicBool::new(false);
-    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let context = Context { cancel: &never, ..Context::SILENT };
     let target = plan.find("relit").unwrap();
     evaluator.evaluate(&plan, &[target], 1, &context, &mut Vec::new()).unwrap().swap_remove(0)
 }

@@ -165,7 +165,7 @@ fn odd_views_and_scenes_give_finite_pictures() {
         let target = plan.find("lit").unwrap();
         if ["falloff", "directionality"].contains(&step.0) {
             let never = std::sync::atomic::AtomicBool::new(false);
-            let context = chiaro::eval::Context { out: None, sink: &chiaro::progress::Silent, cancel: &never };
+            let context = chiaro::eval::Context { cancel: &never, ..chiaro::eval::Context::SILENT };
             let error = evaluator().evaluate(&plan, &[target], 1, &context, &mut Vec::new()).unwrap_err();
             assert!(error.to_string().contains("haar"), "{error}");
         } else {

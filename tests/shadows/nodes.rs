@@ -41,7 +41,7 @@ fn run(evaluator: &Evaluator, visibility: Json, sky: Json) -> chiaro::Result<(Ve
     let document = Document::parse(Path::new("test.json"), &text.to_string()).unwrap();
     let plan = Plan::new(&document, nodes::ALL).unwrap();
     let (never, drawn) = (AtomicBool::new(false), Drawn::default());
-    let context = Context { out: None, sink: &drawn, cancel: &never };
+    let context = Context { out: None, sink: &drawn, cancel: &never, ..Context::SILENT };
     let mut report = Vec::new();
     let mut values = evaluator.evaluate(&plan, &[plan.find("lit").unwrap()], 1, &context, &mut report)?;
     let Value::Image(image) = values.remove(0).remove(0) else { panic!("no image") };

@@ -51,6 +51,9 @@ pub fn run_at(kind: &str, params: Json, inputs: &[(&str, Value)], at: At) -> Res
         key: Key::of(&[b"key"]),
         content: Key::of(&[b"content"]),
         part: None,
+        show: None,
+        keeps_best: false,
+        unfinished: &std::sync::atomic::AtomicBool::new(false),
         notes: &notes,
     };
     let connected = values.iter().map(Option::is_some).collect();

@@ -7,7 +7,6 @@ use chiaro::graph::{Document, Plan};
 use chiaro::image::Image;
 use chiaro::node::NoMemo;
 use chiaro::nodes;
-use chiaro::progress::Silent;
 use chiaro::value::Value;
 use serde_json::{Value as Json, json};
 use std::path::Path;
@@ -60,7 +59,7 @@ pub fn evaluator() -> Evaluator {
 
 pub fn evaluate(evaluator: &Evaluator, plan: &Plan, node: &str, frame: i64) -> (Value, Vec<NodeReport>) {
     let never = AtomicBool::new(false);
-    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let context = Context { cancel: &never, ..Context::SILENT };
     let (target, mut report) = (plan.find(node).unwrap_or_else(|| panic!("no node {node}")), Vec::new());
     let values = evaluator.evaluate(plan, &[target], frame, &context, &mut report);
     let mut values = values.unwrap_or_else(|error| panic!("{error}")).swap_remove(0);

@@ -49,6 +49,55 @@ pub fn views(devices: &Devices) -> Outcome {
     Ok(())
 }
 
+/// Rays of any kind: from inside and outside, between limits, without length, not finite.
+fn any_rays(count: u32) -> Vec<RayRecord> {
+    let random = |i: u32| 2.0 * sampling::unit(sampling::hash(i)) - 1.0;
+    let ray = |i: u32| {
+        let at = |k: u32| Vec3::new(random(9 * i + k), random(9 * i + k + 1), random(9 * i + k + 2));
+        let (origin, direction) = (at(0) * 2.5 + Vec3::Y, at(3));
+        let limits = [(0.0, 3e38), (0.5, 3e38), (0.0, 1.5), (1.0, 2.0), (0.0, 0.0)][i as usize % 5];
+        RayRecord { origin: origin.to_array(), t_max: limits.1, direction: direction.to_array(), t_min: limits.0 }
+    };
+    let ugly = [[0.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0], [0.0, -0.0, 1e-30], [65504.0, 0.0, 0.0]];
+    let ugly = ugly.map(|direction| RayRecord { origin: [0.1, 1.0, 0.2], t_max: 3e38, direction, t_min: 0.0 });
+    (0..count).map(ray).chain(ugly).collect()
+}
+
+pub fn traced(devices: &Devices) -> Outcome {
+    let scene = room();
+    for count in [0, 1, 4099] {
+        let rays = any_rays(count);
+        let run = |device| trace_rays(device, &scene.geometry, &rays).map_err(|error| error.to_string());
+        let cpu = run(&Device::Cpu)?;
+        if count > 1 && !cpu.points.iter().any(|point| point.exists()) {
+            return Err("no ray met anything, so nothing was compared".to_owned());
+        }
+        for device in [&devices.gpu, &devices.paged] {
+            let gpu = run(device)?;
+            nearly_all("points", &gpu.points, &cpu.points, same_point)?;
+            nearly_all("barycentrics", &gpu.barycentrics, &cpu.barycentrics, |a, b| close(a, b))?;
+            nearly_all("distances", &gpu.distances, &cpu.distances, |a, b| close(&[*a], &[*b]))?;
+        }
+    }
+    Ok(())
+}
+
+pub fn blocked(devices: &Devices) -> Outcome {
+    let scene = room();
+    for count in [0, 1, 4099] {
+        let rays = any_rays(count);
+        let run = |device| blocked_rays(device, &scene.geometry, &rays).map_err(|error| error.to_string());
+        let cpu = run(&Device::Cpu)?;
+        if count > 1 && !(cpu.contains(&0) && cpu.contains(&1)) {
+            return Err("all rays end alike, so nothing was compared".to_owned());
+        }
+        for device in [&devices.gpu, &devices.paged] {
+            nearly_all("blocked", &run(device)?, &cpu, |a, b| a == b)?;
+        }
+    }
+    Ok(())
+}
+
 pub fn lights(devices: &Devices) -> Outcome {
     let scene = room();
     let points = seen(&scene, 83, 61);

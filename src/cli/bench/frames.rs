@@ -22,7 +22,7 @@ pub fn run(plan: &Plan, device: Device) -> Result<()> {
     }
     let evaluator = Evaluator::new(Options::new(device));
     let folder = tempfile::tempdir().map_err(|error| Error::compute(error.to_string(), "make room for pictures"))?;
-    let context = Context { out: Some(folder.path()), sink: &Silent, cancel: &NEVER };
+    let context = Context { out: Some(folder.path()), sink: &Silent, cancel: &NEVER, ..Context::SILENT };
     let targets = plan.targets(&[])?;
     let mut times = Vec::new();
     for frame in first..=last {
@@ -57,7 +57,7 @@ pub fn overhead(device: Device, registry: &'static [NodeType]) -> Result<()> {
     let plan = Plan::new(&document, registry)?;
     let target = plan.find(&format!("n{LIGHTS}")).expect("it is there");
     let evaluator = Evaluator::new(Options::new(device));
-    let context = Context { out: None, sink: &Silent, cancel: &NEVER };
+    let context = Context { cancel: &NEVER, ..Context::SILENT };
     let mut failure = Ok(());
     let mut evaluate = |frame: i64| {
         if let Err(error) = evaluator.evaluate(&plan, &[target], frame, &context, &mut Vec::new()) {

@@ -70,7 +70,7 @@ fn masks(plan: &Plan, document: &Document, device: Device) -> Result<()> {
     let targets: Vec<usize> = std::iter::once(view).chain(scene).collect();
     let evaluator = Evaluator::new(Options::new(device));
     let never = AtomicBool::new(false);
-    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let context = Context { cancel: &never, ..Context::SILENT };
     let values = evaluator.evaluate(plan, &targets, plan.frames[0], &context, &mut Vec::new())?;
     let size = document.nodes.values().find_map(|node| node.params.get("face_size").and_then(Json::as_u64));
     let (mut samples, mut scene) = (None, None);
@@ -180,7 +180,7 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
     };
     let evaluator = Evaluator::new(Options::new(device));
     let never = AtomicBool::new(false);
-    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let context = Context { cancel: &never, ..Context::SILENT };
     let targets: Vec<usize> = step.inputs.iter().flatten().map(|wire| wire.step).collect();
     let frame = plan.frames[0];
     let mut found = evaluator.evaluate(plan, &targets, frame, &context, &mut Vec::new())?.into_iter();
@@ -228,6 +228,9 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
             key: Key::of(&[&turn.to_le_bytes()]),
             content: Key::of(&[b"none"]),
             part: None,
+            show: None,
+            keeps_best: false,
+            unfinished: &std::sync::atomic::AtomicBool::new(false),
             notes: &Mutex::default(),
         };
         node.run(&inputs, &job).map(drop)

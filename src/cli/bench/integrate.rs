@@ -15,7 +15,7 @@ pub fn run(plan: &Plan, device: Device, runs: u32) -> Result<()> {
     let Some(step) = plan.steps.iter().find(|step| step.node_type.info.name == "integrate") else { return Ok(()) };
     let evaluator = Evaluator::new(Options::new(device));
     let never = AtomicBool::new(false);
-    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let context = Context { cancel: &never, ..Context::SILENT };
     let targets: Vec<usize> = step.inputs.iter().flatten().map(|wire| wire.step).collect();
     let (mut visibility, mut transport) = (None, None);
     for value in evaluator.evaluate(plan, &targets, plan.frames[0], &context, &mut Vec::new())?.into_iter().flatten() {

@@ -6,7 +6,6 @@ use crate::device::Device;
 use crate::eval::{Context, Evaluator, Options};
 use crate::graph::{Document, Plan};
 use crate::params::NodeType;
-use crate::progress::Silent;
 use serde_json::{Value as Json, json};
 use std::sync::atomic::AtomicBool;
 
@@ -61,7 +60,7 @@ fn slide(
     let Some(step) = plan.steps.iter().find(|step| step.node_type.info.name == kind) else { return Ok(()) };
     let target = step.name.clone();
     let never = AtomicBool::new(false);
-    let context = Context { out: None, sink: &Silent, cancel: &never };
+    let context = Context { cancel: &never, ..Context::SILENT };
     let render = |document: &Document| -> Result<()> {
         let plan = Plan::new(document, registry)?;
         let target = plan.find(&target).expect("it was there");

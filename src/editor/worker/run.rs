@@ -10,6 +10,7 @@ use crate::eval::{Context, Evaluator, NodeReport, Remembered};
 use crate::graph::{Checks, Document, Plan};
 use crate::node::Key;
 use crate::params::NodeType;
+use crate::value::Value;
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -115,7 +116,7 @@ impl Run {
         let start = Instant::now();
         let mut reports = Vec::new();
         let computed = || {
-            let shown = self.shown(id, request.frame, document, staging, &mut reports)?;
+            let shown = self.shown(id, request, document, staging, &mut reports)?;
             let developed = develop(&shown, &request.settings);
             Ok(Picture { shown, developed })
         };
@@ -130,7 +131,7 @@ impl Run {
     fn shown(
         &mut self,
         id: u64,
-        frame: i64,
+        request: &Request,
         document: &Document,
         staging: &Staging,
         reports: &mut Vec<NodeReport>,
@@ -141,23 +142,19 @@ impl Run {
         names.dedup();
         let targets = plan.targets(&names)?;
         let sink = Bars::new(id, self.told.clone());
-        let context = Context { out: None, sink: &sink, cancel: &self.shared.cancel };
-        let values = self.evaluator.evaluate(&plan, &targets, frame, &context, reports)?;
-        let of = |node: &str, output: usize| {
-            let target = targets.iter().position(|target| plan.steps[*target].name == node)?;
-            values[target].get(output).cloned()
+        // What gets better while it is computed is shown as it does.
+        let (told, settings, start) = (self.told.clone(), request.settings.clone(), Instant::now());
+        let show = |values: Vec<Vec<Value>>| {
+            let parts = parts(staging, &|node, output| taken(&names, &values, node, output));
+            if let Ok(shown) = Shown::new(parts, &mut LastMask::default()) {
+                let developed = develop(&shown, &settings);
+                let (result, seconds) = (Ok(Picture { shown, developed }), start.elapsed().as_secs_f64());
+                told.tell(Event::Finished { id, level: Level::Coarse, result, reports: Vec::new(), seconds });
+            }
         };
-        let given = |place: &Option<(String, usize)>| place.as_ref().and_then(|(node, output)| of(node, *output));
-        let parts = Parts {
-            picture: of(&staging.picture.0, staging.picture.1),
-            other: given(&staging.other),
-            mask: given(&staging.mask),
-            samples: staging.samples.as_ref().and_then(|samples| of(samples, 0)),
-            scene: given(&staging.scene),
-            lamp: given(&staging.lamp),
-            environment: given(&staging.environment),
-        };
-        Shown::new(parts, &mut self.mask)
+        let context = Context { sink: &sink, cancel: &self.shared.cancel, show: Some(&show), ..Context::SILENT };
+        let values = self.evaluator.evaluate(&plan, &targets, request.frame, &context, reports)?;
+        Shown::new(parts(staging, &|node, output| taken(&names, &values, node, output)), &mut self.mask)
     }
 
     fn thumbs(&mut self, request: &Request, staging: &Staging) {
@@ -178,6 +175,26 @@ impl Run {
             }
         }
         self.told.tell(Event::Thumbs { thumbs });
+    }
+}
+
+/// The value of an output of one of the targets, which are called `names`.
+fn taken(names: &[String], values: &[Vec<Value>], node: &str, output: usize) -> Option<Value> {
+    let target = names.iter().position(|name| name == node)?;
+    values[target].get(output).cloned()
+}
+
+/// What is to be shown; `of` gives the value of a node's output.
+fn parts(staging: &Staging, of: &dyn Fn(&str, usize) -> Option<Value>) -> Parts {
+    let given = |place: &Option<(String, usize)>| place.as_ref().and_then(|(node, output)| of(node, *output));
+    Parts {
+        picture: of(&staging.picture.0, staging.picture.1),
+        other: given(&staging.other),
+        mask: given(&staging.mask),
+        samples: staging.samples.as_ref().and_then(|samples| of(samples, 0)),
+        scene: given(&staging.scene),
+        lamp: given(&staging.lamp),
+        environment: given(&staging.environment),
     }
 }
 

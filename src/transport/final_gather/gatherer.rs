@@ -211,7 +211,7 @@ impl<'a> Gatherer<'a> {
         for &(at, photon) in place.photons.iter().filter(|(at, _)| place.blocked[*at] == 0) {
             let (way, normal) =
                 (place.ways[at].direction.into(), self.photons.list[photon].point.geometric_normal.into());
-            place.hemisphere.add_place(&mut light, self.from_photon(place, at, photon), way, normal);
+            place.hemisphere.add_place(&mut light, self.by_photon(place, at, photon), way, normal);
         }
         light
     }
@@ -243,7 +243,7 @@ impl<'a> Gatherer<'a> {
         let photons: Vec<(usize, usize)> = place.photons.iter().copied().filter(|(at, _)| counts(*at)).collect();
         for &(at, photon) in &photons {
             let way = Vec3::from(place.ways[at].direction);
-            arrivals.light.push(self.from_photon(place, at, photon));
+            arrivals.light.push(self.by_photon(place, at, photon));
             arrivals.direction.push(way.normalize_or_zero());
             arrivals.distance.push(way.length());
             arrivals.seen.push(if place.blocked[at] == 0 { 1.0 } else { 0.0 });
@@ -271,7 +271,7 @@ impl<'a> Gatherer<'a> {
     }
 
     /// The irradiance that a photon gives by itself, W/m².
-    fn from_photon(&self, place: &Place, at: usize, photon: usize) -> Vec4 {
+    fn by_photon(&self, place: &Place, at: usize, photon: usize) -> Vec4 {
         let photon = &self.photons.list[photon];
         let way = Vec3::from(place.ways[at].direction);
         let squared = way.length_squared();

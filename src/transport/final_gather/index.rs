@@ -61,10 +61,9 @@ impl Index {
             let mut slot = self.slot(key);
             loop {
                 let (found, first, count) = self.table[slot];
-                if found == key {
-                    if !self.records[first as usize..][..count as usize].iter().all(|&record| visit(record)) {
-                        return;
-                    }
+                let of_cell = || &self.records[first as usize..][..count as usize];
+                if found == key && !of_cell().iter().all(|&record| visit(record)) {
+                    return;
                 }
                 if found == key || found == 0 {
                     break;

@@ -82,7 +82,9 @@ mod tests {
                     (0..coefficients).map(|i| (count as f32 * 0.5 * (1.0 + random(seed + i))) as u32).collect();
                 indices.sort_unstable();
                 indices.dedup();
-                let value = |i: u32| Vec3::new(random(seed ^ i), random(seed + !i), if i % 3 == 0 { 0.0 } else { 2.0 });
+                let value = |i: u32| {
+                    Vec3::new(random(seed ^ i), random(seed + !i), if i.is_multiple_of(3) { 0.0 } else { 2.0 })
+                };
                 row.coefficients = indices.into_iter().map(|i| (i, value(i))).collect();
                 Ok(())
             };
@@ -90,19 +92,18 @@ mod tests {
             let all: Vec<Vec<[f32; 4]>> = (0..2)
                 .map(|number| {
                     let mut dense = vec![[0.0; 4]; count];
-                    for channel in 0..3 {
+                    (0..3).for_each(|channel| {
                         rows.row(3 * number + channel).for_each(|(i, value)| dense[i][channel] = value);
-                    }
+                    });
                     haar_decode(&dense).unwrap()
                 })
                 .collect();
             let pieces: Vec<Pieces> = (0..2).map(|number| Pieces::of(&rows, number)).collect();
             let both = Pieces::sum(&[(&pieces[0], 0.25), (&pieces[1], -2.0)], count as u32);
-            for sample in 0..count {
-                let value = |number: usize| Vec3::from_slice(&all[number][sample][..3]);
-                assert!((pieces[0].at(sample as u32) - value(0)).length() < 1e-4, "{count}, {sample}");
-                let sum = value(0) * 0.25 - value(1) * 2.0;
-                assert!((both.at(sample as u32) - sum).length() < 1e-3, "{count}, {sample}");
+            for (sample, (a, b)) in all[0].iter().zip(&all[1]).enumerate() {
+                let [a, b] = [a, b].map(|value| Vec3::from_slice(&value[..3]));
+                assert!((pieces[0].at(sample as u32) - a).length() < 1e-4, "{count}, {sample}");
+                assert!((both.at(sample as u32) - (a * 0.25 - b * 2.0)).length() < 1e-3, "{count}, {sample}");
             }
         }
     }

@@ -15,6 +15,8 @@ use crate::progress::Progress;
 use crate::{Result, memory};
 use glam::Vec4;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::time::Instant;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -63,6 +65,13 @@ pub struct Renderer<'a> {
     demand: Option<Demand>,
     /// Times that noise was evened out.
     evened: usize,
+    /// More rays were asked for, and no place may have more.
+    is_spent: bool,
+    /// The object that most of the picture shows.
+    shown: Option<u32>,
+    start: Instant,
+    /// Seconds that it took to see one sample of each pixel.
+    first_pass: f64,
     pub estimate: Estimate,
 }
 
@@ -87,6 +96,10 @@ impl<'a> Renderer<'a> {
             phase: Phase::Start,
             demand: None,
             evened: 0,
+            is_spent: false,
+            shown: None,
+            start: Instant::now(),
+            first_pass: 0.0,
             estimate: Estimate::default(),
             seen,
             settings,
@@ -98,6 +111,7 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// `Cancelled`: `layers` still gives what there is.
     pub fn step(&mut self, progress: &Progress) -> Result<bool> {
+        progress.check()?;
         match self.phase {
             Phase::Start => self.start(progress)?,
             Phase::Refine => self.refine(progress)?,
@@ -119,8 +133,26 @@ impl<'a> Renderer<'a> {
         }
     }
 
+    /// The object that most of the picture shows, when the picture shows some and no light at all.
+    pub fn is_dark(&self) -> Option<u32> {
+        let layers = self.layers()?;
+        let beauty = &layers.first()?.data;
+        let is_lit = beauty.chunks_exact(4).any(|pixel| pixel[..3].iter().any(|x| *x != 0.0));
+        self.shown.filter(|_| !is_lit)
+    }
+
     pub fn cache(&self) -> &Cache<'a> {
         &self.cache
+    }
+
+    /// About how much of the work is done, in [0, 1], by the time that it took: refining takes time by the square of the
+    /// error's fall, each sample of a pixel what the first one took.
+    pub fn done(&self) -> f64 {
+        let spent = self.start.elapsed().as_secs_f64();
+        let passes = f64::from(self.settings.samples_per_pixel) - self.passes() as f64;
+        let fall = (self.estimate.error().min(1.0) / f64::from(self.settings.tolerance)).max(1.0);
+        let left = self.first_pass * passes + if self.first.is_some() { spent * (fall.powf(1.5) - 1.0) } else { 0.0 };
+        spent / (spent + left).max(f64::MIN_POSITIVE)
     }
 
     /// Samples of a pixel so far.
@@ -130,6 +162,8 @@ impl<'a> Renderer<'a> {
 
     fn start(&mut self, progress: &Progress) -> Result<()> {
         let first = self.pass(0)?;
+        self.shown = most_seen(&first);
+        self.first_pass = self.start.elapsed().as_secs_f64();
         let stage = progress.stage("a first picture", first.samples.points.len() as u64);
         self.growth.cover(&mut self.cache, None, view(&first), (2 * FEWEST, 1.0), &stage)?;
         // The first estimate of interpolation comes with the first finer cache.
@@ -142,7 +176,9 @@ impl<'a> Renderer<'a> {
 
     fn refine(&mut self, progress: &Progress) -> Result<()> {
         let Some(first) = self.first.take() else { return Ok(()) };
-        let is_good = self.estimate.error() <= f64::from(self.settings.tolerance);
+        // Where all places have their most rays, there is no more to be had.
+        let is_spent = self.is_spent && self.estimate.noise >= self.estimate.interpolation;
+        let is_good = is_spent || self.estimate.error() <= f64::from(self.settings.tolerance);
         if is_good && (self.evened >= EVENED || !self.even_out(&first, progress)?) {
             let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
             self.expose(&mut film, &first);
@@ -172,6 +208,7 @@ impl<'a> Renderer<'a> {
         let enough = (0.6 * f64::from(self.settings.tolerance) * demand.mean).powi(2);
         let local = LOCAL * f64::from(self.settings.tolerance).max(self.estimate.noise / 2.0);
         let wanted = demand.rays(&self.cache, (0.25 * demand.noise2).max(enough), local, self.settings.rays);
+        self.is_spent = wanted.is_empty();
         self.add_rays(&wanted, progress)
     }
 
@@ -203,6 +240,7 @@ impl<'a> Renderer<'a> {
         let stage = progress.stage("finer interpolation", rays);
         match self.growth.cover(&mut self.cache, Some(&before), view(first), (2 * FEWEST, OVERLAP), &stage) {
             Ok(told) => {
+                self.is_spent &= told.added == 0;
                 let off = (told.off / 3.0 / told.tested.max(1) as f64).max(0.0);
                 let reflectance = mean_square(&first.reflectance);
                 self.estimate.interpolation =
@@ -269,4 +307,10 @@ fn mean_square(reflectance: &[[f32; 4]]) -> f64 {
     let squares = reflectance.iter().map(|r| f64::from(Vec4::from_array(*r).truncate().length_squared()));
     let all: f64 = squares.sum();
     all / 3.0 / reflectance.len().max(1) as f64 / std::f64::consts::PI.powi(2)
+}
+
+fn most_seen(pass: &Pass) -> Option<u32> {
+    let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
+    pass.samples.points.iter().filter(|point| point.exists()).for_each(|p| *counts.entry(p.object).or_default() += 1);
+    counts.into_iter().max_by_key(|(_, count)| *count).map(|(object, _)| object)
 }

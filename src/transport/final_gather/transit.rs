@@ -46,8 +46,11 @@ pub struct Arrivals {
 impl Arrivals {
     pub fn clear(&mut self) {
         let Self { light, direction, distance, seen, casters } = self;
-        (light.clear(), distance.clear(), seen.clear(), casters.clear());
+        light.clear();
         direction.clear();
+        distance.clear();
+        seen.clear();
+        casters.clear();
     }
 }
 
