@@ -1,10 +1,11 @@
 //! The offline renderer (thesis 5.5.3): any resolution, any samples a pixel, indirect light by final gathering.
 
+use crate::device::Array;
 use crate::image::Image;
 use crate::node::{Info, Inputs, Job, Key, Node, Port};
 use crate::nodes::camera;
 use crate::scene::Material;
-use crate::transport::final_gather::{Bounces, Crossing, Incident, Renderer, Seen, Settings, SourceEdits};
+use crate::transport::final_gather::{Bounces, Crossing, Incident, Light, Renderer, Seen, Settings, SourceEdits};
 use crate::transport::{Edits, Samples};
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
@@ -96,30 +97,23 @@ impl Node for FinalGather {
                 Some(Bounces::new(&incident, &seen.points, self.bounces, (job.memo, key), job.progress)?);
         }
         let crossing = Crossing::new(&incident, edits, job.memo)?;
+        let gloss: Array<[f32; 4]> = materials.iter().map(Material::gloss).collect::<Vec<_>>().into();
         let seen = Seen {
             camera,
             edits,
             size: (self.width, self.height),
             materials: &materials,
-            gloss: materials.iter().map(Material::gloss).collect::<Vec<_>>().into(),
+            gloss: gloss.clone(),
             light_samples: self.light_samples.div_ceil(self.samples_per_pixel),
         };
-        let shines = |material: &&Material| material.gloss()[..3].iter().any(|f0| *f0 > 0.0);
-        let shining: Vec<&str> = materials.iter().filter(shines).map(|material| material.name.as_str()).collect();
-        if !shining.is_empty() {
-            job.warn(format!(
-                "indirect light makes no highlights here yet: {} of {} materials would show some",
-                shining.len(),
-                materials.len()
-            ));
-        }
         let settings = Settings {
             samples_per_pixel: self.samples_per_pixel,
             tolerance: self.tolerance,
             rays: self.rays,
             cache_error: self.cache_error,
         };
-        let mut renderer = Renderer::new(&incident, &crossing, seen, settings)?;
+        let light = Light::new(&incident, &crossing, &seen, &gloss)?;
+        let mut renderer = Renderer::new(&light, seen, settings)?;
         let (width, height) = (self.width as usize, self.height as usize);
         let picture = |renderer: &Renderer| {
             let layers = renderer.layers()?;
@@ -162,6 +156,10 @@ impl Node for FinalGather {
             ));
         }
         let cache = renderer.cache();
+        if let Some(glossy) = renderer.glossy_cache() {
+            job.note("glossy_records", glossy.records.len());
+            job.note("glossy_rays", glossy.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
+        }
         job.note("records", cache.records.len());
         job.note("rays", cache.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
         job.note("cache_error", cache.error());

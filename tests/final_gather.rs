@@ -250,6 +250,35 @@ fn what_is_stopped_gives_the_best_that_there_was_or_nothing() {
     assert!(again.iter().all(|held| held.as_ref().is_none_or(|held| !matches!(held.values[0], Value::Image(_)))));
 }
 
+/// Stairs and an urn that shine, with edits of the light that they reflect.
+#[test]
+fn reflections_are_those_of_the_preview() {
+    let view = json!({ "width": 160, "height": 120 });
+    let path = |glossy: &str| {
+        json!({ "type": "transfer", "params": { "gather_samples": 65536, "glossy": glossy },
+                "inputs": { "scene": "hall", "samples": "view" } })
+    };
+    let plan = room::recipe(json!({
+        "hall": { "type": "scene", "params": { "file": "builtin:hall" } },
+        "eye": { "type": "camera", "params": { "name": "stairs" }, "inputs": { "scene": "hall" } },
+        "view": { "type": "view_samples", "params": view, "inputs": { "scene": "hall", "camera": "eye" } },
+        "shining": path("ggx"), "matte": path("none"),
+        "drum": { "type": "pick", "params": { "objects": ["drum"] }, "inputs": { "scene": "hall" } },
+        "urn": { "type": "pick", "params": { "objects": ["urn"] }, "inputs": { "scene": "hall" } },
+        "red": { "type": "source_brush", "params": { "offset": [9.0, 0.5, 0.3] }, "inputs": { "selection": "drum" } },
+        "hue": { "type": "caster_receiver", "params": { "hue": 150.0 }, "inputs": { "receiver": "urn", "edits": "red" } },
+        "before": { "type": "relight", "inputs": { "scene": "hall", "transfer": "shining", "edits": "hue" } },
+        "without": { "type": "relight", "inputs": { "scene": "hall", "transfer": "matte", "edits": "hue" } },
+        "after": { "type": "final_gather",
+                   "params": { "width": 160, "height": 120, "samples_per_pixel": 1, "tolerance": 0.02 },
+                   "inputs": { "scene": "hall", "camera": "eye", "edits": "hue" } },
+    }));
+    let [before, without, after] = ["before", "without", "after"].map(|node| picture(&plan, node));
+    let (found, least) = (apart(&after, &before), apart(&without, &before));
+    println!("{:.2} %, without reflections {:.2} %", 100.0 * found, 100.0 * least);
+    assert!(found <= 0.05 && least > 2.0 * found, "{found}, without reflections {least}");
+}
+
 #[test]
 fn the_picture_is_the_same_for_any_number_of_threads() {
     let params = json!({ "width": 50, "height": 38, "samples_per_pixel": 3, "tolerance": 0.05, "bounces": 3 });

@@ -137,7 +137,7 @@ fn cpu(geometry: &Geometry, gather: &Gather, points: &[SurfacePoint], seeds: &[u
         if !point.exists() {
             return;
         }
-        let view = View::new(point, params);
+        let view = View::new(point, params.eye.into(), params.lift);
         let (mut inverse_sum, mut least) = (0.0, f32::INFINITY);
         for (i, share) in shares.iter_mut().enumerate() {
             let (found, distance) = follow(geometry, gather, point, &view, i as u32, seed, params);
@@ -192,7 +192,7 @@ fn gpu(
 }
 
 /// A place as its lobe sees it.
-struct View {
+pub(crate) struct View {
     origin: Vec3,
     /// A frame about the normal, and the eye in it.
     x: Vec3,
@@ -202,9 +202,10 @@ struct View {
 }
 
 impl View {
-    fn new(point: &SurfacePoint, params: &Params) -> Self {
-        let origin = sampling::lifted(point.position.into(), point.geometric_normal.into(), params.lift);
-        let eye = (Vec3::from(params.eye) - origin).normalize_or(point.normal.into());
+    /// `lift`: as `Geometry::lift`.
+    pub fn new(point: &SurfacePoint, eye: Vec3, lift: f32) -> Self {
+        let origin = sampling::lifted(point.position.into(), point.geometric_normal.into(), lift);
+        let eye = (eye - origin).normalize_or(point.normal.into());
         let mut normal = Vec3::from(point.normal);
         // Interpolated normals may turn away from an eye that sees the surface: bent until they just face it.
         let facing = normal.dot(eye);
@@ -213,6 +214,28 @@ impl View {
         }
         let (x, y) = sampling::frame(normal);
         Self { origin, x, y, normal, eye: Vec3::new(x.dot(eye), y.dot(eye), normal.dot(eye)) }
+    }
+}
+
+impl View {
+    /// A ray drawn from a lobe of GGX, and what it counts: the part that F0 multiplies and the part that has no colour, of
+    /// the BRDF times cosine over density.
+    pub fn reflected(&self, point: &SurfacePoint, alpha: f32, at: Vec2) -> Option<(Ray, [f32; 2])> {
+        let drawn = ggx(self.eye, alpha, at);
+        let ray = self.ray(point, &drawn)?;
+        Some((ray, [drawn.weight * (1.0 - drawn.grazing), drawn.weight * drawn.grazing]))
+    }
+
+    fn ray(&self, point: &SurfacePoint, drawn: &Drawn) -> Option<Ray> {
+        // Written so that NaN is nothing, too.
+        if !(drawn.light.z > 0.0 && drawn.weight > 0.0) {
+            return None;
+        }
+        let mut direction = self.x * drawn.light.x + self.y * drawn.light.y + self.normal * drawn.light.z;
+        // Interpolated normals tilt some rays below the triangle itself: mirrored up, they keep the lobe's energy.
+        let geometric = Vec3::from(point.geometric_normal);
+        direction -= geometric * (2.0 * direction.dot(geometric).min(0.0));
+        Some(Ray { origin: self.origin, direction, t_max: f32::INFINITY })
     }
 }
 
@@ -285,15 +308,8 @@ fn follow(
     let at = sampling::lattice(i, params.rays, sampling::shift(seed));
     let draw = if params.model == 1 { blinn } else { ggx };
     let drawn = draw(view.eye, params.alpha, at);
-    // Written so that NaN is nothing, too.
-    if !(drawn.light.z > 0.0 && drawn.weight > 0.0) {
-        return NOTHING;
-    }
-    let mut direction = view.x * drawn.light.x + view.y * drawn.light.y + view.normal * drawn.light.z;
-    // Interpolated normals tilt some rays below the triangle itself: mirrored up, they keep the lobe's energy.
-    let geometric = Vec3::from(point.geometric_normal);
-    direction -= geometric * (2.0 * direction.dot(geometric).min(0.0));
-    let hit = geometry.bvh.closest(&Ray { origin: view.origin, direction, t_max: f32::INFINITY });
+    let Some(ray) = view.ray(point, &drawn) else { return NOTHING };
+    let (direction, hit) = (ray.direction, geometry.bvh.closest(&ray));
     if hit.triangle == Hit::MISS.triangle {
         return NOTHING;
     }

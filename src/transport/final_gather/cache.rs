@@ -25,6 +25,8 @@ pub struct Record {
     pub seed: u32,
     /// Mean distance to what it sees, no larger than neighbours allow, m.
     pub radius: f32,
+    /// How much faster than elsewhere its light changes with the normal, at least 1.
+    pub bend: f32,
     /// About the width of a pixel there, m.
     pub footprint: f32,
     /// Rays so far.
@@ -42,19 +44,20 @@ struct Shape {
     normal: Vec3,
     /// 1 / R.
     inverse: f32,
-    /// How much faster than elsewhere its light changes with the normal, at least 1.
     bend: f32,
     /// Where a record is made to count farther than its light allows, gradients are followed by this less.
     damping: f32,
     variance: f32,
 }
 
-/// How a list of edits tells places apart.
+/// How places are told apart.
 pub trait Receivers: Sync {
+    /// Whether they ever are.
+    fn tell_apart(&self) -> bool;
     /// Weights a place.
     fn count(&self) -> usize;
-    /// A record with weights `here` says nothing of a place with weights `there`.
-    fn part_ways(&self, here: &[f32], there: &[f32]) -> bool;
+    /// A record at `here` says nothing of a place `there`.
+    fn part_ways(&self, here: &Spot, there: &Spot) -> bool;
 }
 
 #[derive(Clone)]
@@ -168,7 +171,7 @@ impl<'a> Cache<'a> {
                 reach2: (error * radius).powi(2),
                 normal: record.place.normal.into(),
                 inverse: 1.0 / radius,
-                bend: bend(&light[0]),
+                bend: record.bend.max(bend(&light[0])),
                 damping: (record.radius / radius).min(1.0),
                 variance: record.variance,
             }
@@ -261,7 +264,6 @@ impl<'a> Cache<'a> {
             return;
         }
         let (at, normal) = (Vec3::from(spot.point.position), Vec3::from(spot.point.normal));
-        let count = self.edits.count();
         self.index.near(at, |record| {
             let shape = &self.shapes[record as usize];
             let by = at - shape.position;
@@ -275,11 +277,8 @@ impl<'a> Cache<'a> {
             if error >= self.error || by.dot(normal + shape.normal) * shape.inverse < -0.1 * self.error {
                 return true;
             }
-            if count > 0 {
-                let here = &self.receivers[record as usize * count..][..count];
-                if here != spot.receivers && self.edits.part_ways(here, spot.receivers) {
-                    return true;
-                }
+            if self.edits.tell_apart() && self.edits.part_ways(&self.spot(record as usize), spot) {
+                return true;
             }
             take(record as usize, 1.0 / error.max(1e-3 * self.error) - 1.0 / self.error, by)
         });

@@ -1,6 +1,6 @@
 //! All that changes light between surfaces and places: the edits of a list in transit, procedural and sampled.
 
-use super::cache::Receivers;
+use super::cache::{Receivers, Spot};
 use super::incident::Incident;
 use super::pieces::Pieces;
 use super::sampled::{Mix, SampledEdits};
@@ -149,8 +149,13 @@ impl Receivers for Crossing<'_> {
         self.receivers()
     }
 
+    fn tell_apart(&self) -> bool {
+        self.receivers() > 0
+    }
+
     /// Sampled edits touch only the second, or too much is different at once.
-    fn part_ways(&self, here: &[f32], there: &[f32]) -> bool {
+    fn part_ways(&self, here: &Spot, there: &Spot) -> bool {
+        let (here, there) = (here.receivers, there.receivers);
         let untouched = self.by_rows().is_some() && here.last() == Some(&0.0) && there.last() != Some(&0.0);
         let (mut sum, mut squares) = (0.0, 0.0);
         here.iter().zip(there).for_each(|(here, there)| {

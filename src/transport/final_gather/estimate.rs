@@ -1,10 +1,9 @@
 //! How far the picture may be from the truth, and where more rays would help most.
 
 use super::cache::Cache;
-use super::placement::View;
+use super::light_map::Seeing;
 use glam::Vec4;
 use rayon::prelude::*;
-use std::f32::consts::FRAC_1_PI;
 
 /// Errors of indirect radiance over a picture, relative to its mean; all channels together, root of the mean square.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,8 +43,9 @@ struct Part {
 }
 
 impl Demand {
-    /// `reflectance`: one a pixel. Of a large picture, every so many pixels tell enough.
-    pub fn new(cache: &Cache, view: &View, reflectance: &[[f32; 4]]) -> Self {
+    /// Of a large picture, every so many pixels tell enough.
+    pub fn new(cache: &Cache, seeing: &Seeing) -> Self {
+        let view = &seeing.view;
         let step = (view.points.len() as f64 / PIXELS as f64).sqrt().ceil().max(1.0) as usize;
         let rows: Vec<usize> = (step / 2..view.height).step_by(step).collect();
         let part = rows.len().div_ceil(PARTS).max(1);
@@ -59,7 +59,7 @@ impl Demand {
                 if !spot.point.exists() {
                     continue;
                 }
-                let factor = Vec4::from_array(reflectance[pixel]).truncate() * FRAC_1_PI;
+                let factor = Vec4::from_array(seeing.factor[pixel]).truncate();
                 counted.clear();
                 let found = cache.look_up_with(&spot, |record, weight| counted.push((record, weight)));
                 part.sum += f64::from((found.light.truncate() * factor).element_sum());

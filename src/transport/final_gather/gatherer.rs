@@ -29,6 +29,17 @@ pub struct Gathered {
     pub light: Vec<Gradients>,
     /// Harmonic mean and least of the distances to what is seen, m.
     pub reach: [f32; 2],
+    /// How much faster than diffuse light this changes with the normal, at least 1.
+    pub bend: f32,
+}
+
+/// Finds light at places.
+pub trait Gathers: Sync {
+    /// By `rays` rays each; `stage` counts rays.
+    ///
+    /// # Errors
+    /// `Cancelled`; the device failed.
+    fn gather(&self, places: &Places, rays: u32, stage: &Stage) -> Result<Vec<Gathered>>;
 }
 
 /// Places to gather at.
@@ -42,8 +53,8 @@ pub struct Places<'a> {
 
 /// Where light comes from, how it is looked for, and what changes it.
 pub struct Gatherer<'a> {
-    pub incident: &'a Incident<'a>,
-    pub crossing: &'a Crossing<'a>,
+    incident: &'a Incident<'a>,
+    crossing: &'a Crossing<'a>,
     photons: Photons,
     /// Of each photon: caster weights, and the nearest gather sample of sampled edits.
     photon_casters: Vec<f32>,
@@ -75,25 +86,6 @@ impl<'a> Gatherer<'a> {
             photons.list.iter_mut().zip(leaving.from_lamps).for_each(|(photon, power)| photon.power = power);
         }
         Ok(Self { incident, crossing, photons, photon_casters, photon_samples })
-    }
-
-    /// Gathers by `rays` rays each, about half of them to photons; `stage` counts rays.
-    pub fn gather(&self, places: &Places, rays: u32, stage: &Stage) -> Result<Vec<Gathered>> {
-        let photons = if self.photons.is_empty() { 0 } else { rays / 2 };
-        let strata = Strata::of(rays - photons);
-        let mut all = Vec::with_capacity(places.points.len());
-        let (batch, receivers) = ((BATCH / rays as usize).max(1), self.crossing.receivers());
-        for first in (0..places.points.len()).step_by(batch) {
-            let range = first..(first + batch).min(places.points.len());
-            let places = Places {
-                points: &places.points[range.clone()],
-                receivers: &places.receivers[range.start * receivers..range.end * receivers],
-                seeds: &places.seeds[range],
-            };
-            all.extend(self.batch(&places, strata, photons as usize)?);
-            stage.advance(u64::from(rays) * places.points.len() as u64)?;
-        }
-        Ok(all)
     }
 
     fn batch(&self, places: &Places, strata: Strata, photons: usize) -> Result<Vec<Gathered>> {
@@ -146,7 +138,7 @@ impl<'a> Gatherer<'a> {
                 true => vec![self.unedited(&place)],
                 false => self.edited(&place, &places.points[i], receivers, arrivals, scratch),
             };
-            Gathered { light, reach }
+            Gathered { light, reach, bend: 1.0 }
         };
         let all = (0..hemispheres.len()).into_par_iter();
         Ok(all.map_init(<(Arrivals, Scratch)>::default, sum).collect())
@@ -292,6 +284,27 @@ impl<'a> Gatherer<'a> {
             && way.dot(normal) < 0.0;
         let t_max = if is_open { 0.9999 } else { 0.0 };
         RayRecord { origin: hemisphere.origin().to_array(), t_max, direction: way.to_array(), t_min: 0.0 }
+    }
+}
+
+impl Gathers for Gatherer<'_> {
+    /// About half of the rays go to photons.
+    fn gather(&self, places: &Places, rays: u32, stage: &Stage) -> Result<Vec<Gathered>> {
+        let photons = if self.photons.is_empty() { 0 } else { rays / 2 };
+        let strata = Strata::of(rays - photons);
+        let mut all = Vec::with_capacity(places.points.len());
+        let (batch, receivers) = ((BATCH / rays as usize).max(1), self.crossing.receivers());
+        for first in (0..places.points.len()).step_by(batch) {
+            let range = first..(first + batch).min(places.points.len());
+            let places = Places {
+                points: &places.points[range.clone()],
+                receivers: &places.receivers[range.start * receivers..range.end * receivers],
+                seeds: &places.seeds[range],
+            };
+            all.extend(self.batch(&places, strata, photons as usize)?);
+            stage.advance(u64::from(rays) * places.points.len() as u64)?;
+        }
+        Ok(all)
     }
 }
 

@@ -1,7 +1,7 @@
 //! How the cache grows: records where there are none, more rays where noise is seen, finer interpolation.
 
 use super::cache::{Cache, Record};
-use super::gatherer::{Gathered, Gatherer, Places};
+use super::gatherer::{Gathered, Gathers, Places};
 use super::hemisphere::Gradients;
 use super::placement::{Placement, View};
 use crate::Result;
@@ -36,7 +36,7 @@ pub struct Told {
 
 /// Who gathers, and for which picture.
 pub struct Growth<'a> {
-    pub gatherer: Gatherer<'a>,
+    pub gatherer: &'a dyn Gathers,
     pub camera: &'a Camera,
     /// Pixels of the picture, downwards.
     pub height: usize,
@@ -129,6 +129,7 @@ impl Growth<'_> {
             place: *place,
             seed,
             radius: mean.min(limit(&light[0])),
+            bend: a.bend.max(b.bend),
             footprint: self.footprint(place),
             rays,
             variance: 0.25 * (a.light[0].value - b.light[0].value).truncate().length_squared(),

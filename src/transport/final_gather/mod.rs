@@ -12,6 +12,8 @@
 //! growth      more records, more rays
 //! estimate    how far the picture is from the truth, and where rays help
 //! film        passes -> layers
+//! reflections light that glossy surfaces send to the eye, gathered and cached in the same way
+//! light_map   one kind of light over the picture, refined
 //! render      all of these, end to end
 //! ```
 
@@ -26,9 +28,11 @@ pub mod growth;
 pub mod hemisphere;
 pub mod incident;
 mod index;
+pub mod light_map;
 pub mod photons;
 mod pieces;
 pub mod placement;
+pub mod reflections;
 pub mod render;
 pub mod sampled;
 pub mod source;
@@ -38,6 +42,6 @@ pub mod view;
 pub use bounces::Bounces;
 pub use crossing::Crossing;
 pub use incident::Incident;
-pub use render::{Renderer, Settings};
+pub use render::{Light, Renderer, Settings};
 pub use source::SourceEdits;
 pub use view::Seen;

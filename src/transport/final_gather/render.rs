@@ -3,15 +3,18 @@
 
 use super::cache::Cache;
 use super::crossing::Crossing;
-use super::estimate::{Demand, Estimate};
+use super::estimate::Estimate;
 use super::film::Film;
 use super::gatherer::Gatherer;
-use super::growth::{FEWEST, Growth, OVERLAP};
+use super::growth::Growth;
 use super::incident::Incident;
+use super::light_map::{LightMap, Seeing};
 use super::placement::View;
+use super::reflections::Reflections;
 use super::view::{Pass, Seen};
 use crate::image::Layer;
 use crate::progress::Progress;
+use crate::scene::SurfacePoint;
 use crate::{Result, memory};
 use glam::Vec4;
 use rayon::prelude::*;
@@ -29,19 +32,36 @@ pub struct Settings {
     pub cache_error: f32,
 }
 
+/// Where light is gathered from, of one scene and one list of edits.
+pub struct Light<'a> {
+    pub incident: &'a Incident<'a>,
+    pub crossing: &'a Crossing<'a>,
+    pub irradiance: Gatherer<'a>,
+    /// `None` where nothing shines.
+    pub reflections: Option<Reflections<'a>>,
+}
+
 /// Photons that are drawn from lamps: places choose runs of them.
 const PHOTONS: usize = 1 << 16;
-/// How much the cache's error is lowered at once.
-const FINER: f32 = std::f32::consts::FRAC_1_SQRT_2;
-/// Of the squared error that new records found, what the picture had on average: they lie where it was largest.
-const TYPICAL: f64 = 0.15;
-/// What is left of it in the finer cache: interpolation errs with the square of the cache's error.
-const LEFT: f64 = 0.25;
 
-/// Noise of a record, over that of the picture, from which on eyes see it.
-const LOCAL: f64 = 3.0;
-/// Times that it is looked for in the end.
-const EVENED: usize = 3;
+impl<'a> Light<'a> {
+    /// `gloss`: `Material::gloss` of each.
+    pub fn new(
+        incident: &'a Incident<'a>,
+        crossing: &'a Crossing<'a>,
+        seen: &Seen,
+        gloss: &'a [[f32; 4]],
+    ) -> Result<Self> {
+        let eye = seen.camera.position;
+        let reflections = Reflections { incident, crossing, eye, gloss };
+        Ok(Self {
+            incident,
+            crossing,
+            irradiance: Gatherer::new(incident, crossing, PHOTONS)?,
+            reflections: Reflections::are_there(gloss).then_some(reflections),
+        })
+    }
+}
 
 /// Where the work stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,21 +72,22 @@ enum Phase {
     Done,
 }
 
+/// A pass, and what of it shines.
+struct First {
+    pass: Pass,
+    shining: Vec<SurfacePoint>,
+}
+
 pub struct Renderer<'a> {
     seen: Seen<'a>,
-    growth: Growth<'a>,
+    light: &'a Light<'a>,
     settings: Settings,
-    cache: Cache<'a>,
+    diffuse: LightMap<'a>,
+    glossy: Option<LightMap<'a>>,
     /// One sample of each pixel, until its light is as good as asked.
-    first: Option<Pass>,
+    first: Option<First>,
     film: Film,
     phase: Phase,
-    /// Of the cache as it is.
-    demand: Option<Demand>,
-    /// Times that noise was evened out.
-    evened: usize,
-    /// More rays were asked for, and no place may have more.
-    is_spent: bool,
     /// The object that most of the picture shows.
     shown: Option<u32>,
     start: Instant,
@@ -78,29 +99,27 @@ pub struct Renderer<'a> {
 impl<'a> Renderer<'a> {
     /// # Errors
     /// Too little memory.
-    pub fn new(
-        incident: &'a Incident<'a>,
-        crossing: &'a Crossing<'a>,
-        seen: Seen<'a>,
-        settings: Settings,
-    ) -> Result<Self> {
+    pub fn new(light: &'a Light<'a>, seen: Seen<'a>, settings: Settings) -> Result<Self> {
         let (width, height) = seen.size;
         let pixels = u64::from(width) * u64::from(height);
         memory::require(Film::BYTES * pixels, &format!("{width} x {height} pixels"), "lower width or height")?;
-        let gatherer = Gatherer::new(incident, crossing, PHOTONS)?;
+        let (camera, height, error) = (seen.camera, height as usize, settings.cache_error);
+        let growth = Growth { gatherer: &light.irradiance, camera, height };
+        let glossy = light.reflections.as_ref().map(|reflections| {
+            let growth = Growth { gatherer: reflections, camera, height };
+            LightMap::new(growth, reflections, error, settings.rays)
+        });
         Ok(Self {
-            growth: Growth { gatherer, camera: seen.camera, height: height as usize },
-            cache: Cache::new(settings.cache_error, 1.0, crossing),
+            diffuse: LightMap::new(growth, light.crossing, error, settings.rays),
+            glossy,
             first: None,
-            film: Film::new(seen.camera, pixels as usize),
+            film: Film::new(camera, pixels as usize),
             phase: Phase::Start,
-            demand: None,
-            evened: 0,
-            is_spent: false,
             shown: None,
             start: Instant::now(),
             first_pass: 0.0,
             estimate: Estimate::default(),
+            light,
             seen,
             settings,
         })
@@ -113,7 +132,7 @@ impl<'a> Renderer<'a> {
     pub fn step(&mut self, progress: &Progress) -> Result<bool> {
         progress.check()?;
         match self.phase {
-            Phase::Start => self.start(progress)?,
+            Phase::Start => self.begin(progress)?,
             Phase::Refine => self.refine(progress)?,
             Phase::Smooth => self.smooth(progress)?,
             Phase::Done => {}
@@ -125,7 +144,7 @@ impl<'a> Renderer<'a> {
     pub fn layers(&self) -> Option<Vec<Layer>> {
         match &self.first {
             Some(first) => {
-                let mut film = Film::new(self.seen.camera, first.samples.points.len());
+                let mut film = Film::new(self.seen.camera, first.shining.len());
                 self.expose(&mut film, first);
                 Some(film.layers())
             }
@@ -141,12 +160,18 @@ impl<'a> Renderer<'a> {
         self.shown.filter(|_| !is_lit)
     }
 
+    /// Of irradiance.
     pub fn cache(&self) -> &Cache<'a> {
-        &self.cache
+        &self.diffuse.cache
     }
 
-    /// About how much of the work is done, in [0, 1], by the time that it took: refining takes time by the square of the
-    /// error's fall, each sample of a pixel what the first one took.
+    /// Of what shining surfaces reflect.
+    pub fn glossy_cache(&self) -> Option<&Cache<'a>> {
+        self.glossy.as_ref().map(|glossy| &glossy.cache)
+    }
+
+    /// About how much of the work is done, in [0, 1], by the time that it took: refining takes time by the power 3/2 of
+    /// the error's fall, each sample of a pixel what the first one took.
     pub fn done(&self) -> f64 {
         let spent = self.start.elapsed().as_secs_f64();
         let passes = f64::from(self.settings.samples_per_pixel) - self.passes() as f64;
@@ -160,109 +185,73 @@ impl<'a> Renderer<'a> {
         self.film.passes().max(usize::from(self.first.is_some()))
     }
 
-    fn start(&mut self, progress: &Progress) -> Result<()> {
+    fn begin(&mut self, progress: &Progress) -> Result<()> {
         let first = self.pass(0)?;
-        self.shown = most_seen(&first);
+        self.shown = most_seen(&first.pass);
         self.first_pass = self.start.elapsed().as_secs_f64();
-        let stage = progress.stage("a first picture", first.samples.points.len() as u64);
-        self.growth.cover(&mut self.cache, None, view(&first), (2 * FEWEST, 1.0), &stage)?;
-        // The first estimate of interpolation comes with the first finer cache.
-        self.estimate.interpolation = f64::INFINITY;
-        self.assess(&first);
+        self.diffuse.start(&diffuse(&first), progress)?;
+        if let Some(glossy) = &mut self.glossy {
+            glossy.start(&shining(&first, &ones(&first)), progress)?;
+        }
         self.first = Some(first);
+        self.assess();
         self.phase = Phase::Refine;
         Ok(())
     }
 
+    /// Improves the map that errs more.
     fn refine(&mut self, progress: &Progress) -> Result<()> {
         let Some(first) = self.first.take() else { return Ok(()) };
-        // Where all places have their most rays, there is no more to be had.
-        let is_spent = self.is_spent && self.estimate.noise >= self.estimate.interpolation;
-        let is_good = is_spent || self.estimate.error() <= f64::from(self.settings.tolerance);
-        if is_good && (self.evened >= EVENED || !self.even_out(&first, progress)?) {
+        let improved = self.improve(&first, progress);
+        self.first = Some(first);
+        if !improved? {
+            let first = self.first.take().expect("just put there");
             let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
             self.expose(&mut film, &first);
             self.film = film;
             self.phase = if self.settings.samples_per_pixel > 1 { Phase::Smooth } else { Phase::Done };
-            return Ok(());
         }
-        if is_good {
-            self.assess(&first);
-            self.first = Some(first);
-            return Ok(());
-        }
-        let improved = match self.estimate.noise >= self.estimate.interpolation {
-            true => self.more_rays(&first, progress),
-            false => self.finer(&first, progress),
-        };
-        if improved.is_ok() {
-            self.assess(&first);
-        }
-        self.first = Some(first);
-        improved
+        self.assess();
+        Ok(())
     }
 
-    /// Halves the noise, or makes it as small as it need be.
-    fn more_rays(&mut self, first: &Pass, progress: &Progress) -> Result<()> {
-        let demand = self.demand(first);
-        let enough = (0.6 * f64::from(self.settings.tolerance) * demand.mean).powi(2);
-        let local = LOCAL * f64::from(self.settings.tolerance).max(self.estimate.noise / 2.0);
-        let wanted = demand.rays(&self.cache, (0.25 * demand.noise2).max(enough), local, self.settings.rays);
-        self.is_spent = wanted.is_empty();
-        self.add_rays(&wanted, progress)
-    }
-
-    /// More rays for records whose noise is seen, small as their part in the picture is; false when there are none.
-    fn even_out(&mut self, first: &Pass, progress: &Progress) -> Result<bool> {
-        self.evened += 1;
-        let local = LOCAL * f64::from(self.settings.tolerance);
-        let wanted = self.demand(first).rays(&self.cache, f64::INFINITY, local, self.settings.rays);
-        self.add_rays(&wanted, progress)?;
-        Ok(!wanted.is_empty())
-    }
-
-    fn demand(&mut self, first: &Pass) -> Demand {
-        self.demand.take().unwrap_or_else(|| Demand::new(&self.cache, &view(first), &first.reflectance))
-    }
-
-    fn add_rays(&mut self, wanted: &[(usize, u32)], progress: &Progress) -> Result<()> {
-        let stage = progress.stage("more rays", wanted.iter().map(|(_, rays)| u64::from(*rays)).sum());
-        let done = self.growth.add_rays(&mut self.cache, wanted, &stage);
-        self.cache.refresh();
-        done
-    }
-
-    fn finer(&mut self, first: &Pass, progress: &Progress) -> Result<()> {
-        let before = self.cache.clone();
-        self.cache.tighten(before.error() * FINER, 1.0);
-        self.cache.refresh();
-        let rays: u64 = before.records.iter().map(|record| u64::from(record.rays)).sum();
-        let stage = progress.stage("finer interpolation", rays);
-        match self.growth.cover(&mut self.cache, Some(&before), view(first), (2 * FEWEST, OVERLAP), &stage) {
-            Ok(told) => {
-                self.is_spent &= told.added == 0;
-                let off = (told.off / 3.0 / told.tested.max(1) as f64).max(0.0);
-                let reflectance = mean_square(&first.reflectance);
-                self.estimate.interpolation =
-                    (off * reflectance * TYPICAL * LEFT).sqrt() / self.estimate.mean.max(f64::MIN_POSITIVE);
-                Ok(())
+    /// False when all is as good as asked, or as can be.
+    fn improve(&mut self, first: &First, progress: &Progress) -> Result<bool> {
+        let tolerance = f64::from(self.settings.tolerance);
+        let ones = ones(first);
+        // Errors of both maps against the light of both.
+        let all = self.estimate.mean.max(f64::MIN_POSITIVE);
+        let of = |map: &LightMap| if map.is_spent() { 0.0 } else { map.estimate.error() * map.estimate.mean / all };
+        let errors = [of(&self.diffuse), self.glossy.as_ref().map_or(0.0, of)];
+        let enough = |map: &LightMap| tolerance * all / map.estimate.mean.max(1e-6 * all);
+        if errors[0].hypot(errors[1]) > tolerance {
+            match &mut self.glossy {
+                Some(glossy) if errors[1] > errors[0] => {
+                    let enough = enough(glossy);
+                    glossy.refine(&shining(first, &ones), enough, progress)?;
+                }
+                _ => {
+                    let enough = enough(&self.diffuse);
+                    self.diffuse.refine(&diffuse(first), enough, progress)?;
+                }
             }
-            Err(error) => {
-                // With gaps it would be worth less than what was there.
-                self.cache = before;
-                Err(error)
-            }
+            return Ok(true);
         }
+        let mut went_on = self.diffuse.even_out(&diffuse(first), tolerance, progress)?;
+        if let Some(glossy) = &mut self.glossy {
+            let enough = enough(glossy);
+            went_on |= glossy.even_out(&shining(first, &ones), enough, progress)?;
+        }
+        Ok(went_on)
     }
 
     /// One more sample of each pixel.
     fn smooth(&mut self, progress: &Progress) -> Result<()> {
         let pass = self.pass(self.film.passes())?;
-        let stage = progress.stage("antialiasing", pass.samples.points.len() as u64);
-        let before = self.cache.clone();
-        let all: u64 = before.records.iter().map(|record| u64::from(record.rays)).sum();
-        let rays = (all / before.records.len().max(1) as u64) as u32;
-        self.growth.cover(&mut self.cache, Some(&before), view(&pass), (rays.max(2 * FEWEST), 1.0), &stage)?;
+        self.diffuse.fill(diffuse(&pass).view, progress)?;
+        if let Some(glossy) = &mut self.glossy {
+            glossy.fill(shining(&pass, &[]).view, progress)?;
+        }
         let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
         self.expose(&mut film, &pass);
         self.film = film;
@@ -272,41 +261,62 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    fn assess(&mut self, first: &Pass) {
-        let demand = Demand::new(&self.cache, &view(first), &first.reflectance);
-        self.estimate.mean = demand.mean;
-        self.estimate.noise = demand.noise2.sqrt() / demand.mean.max(f64::MIN_POSITIVE);
-        self.demand = Some(demand);
+    /// Errors of both maps together.
+    fn assess(&mut self) {
+        let maps = [Some(&self.diffuse), self.glossy.as_ref()];
+        let mut all = Estimate::default();
+        for Estimate { mean, noise, interpolation } in maps.into_iter().flatten().map(|map| map.estimate) {
+            all.mean += mean;
+            all.noise = all.noise.hypot(noise * mean);
+            // Infinite until it is known; of no light, there is no error.
+            all.interpolation = all.interpolation.hypot(if mean > 0.0 { interpolation * mean } else { 0.0 });
+        }
+        let mean = all.mean.max(f64::MIN_POSITIVE);
+        self.estimate = Estimate { noise: all.noise / mean, interpolation: all.interpolation / mean, ..all };
     }
 
-    /// Adds a pass to a film, in the light of the cache.
-    fn expose(&self, film: &mut Film, pass: &Pass) {
-        let view = view(pass);
-        let light = |pixel| self.cache.look_up(&view.spot(pixel)).light.with_w(0.0).to_array();
+    /// Adds a pass to a film, in the light of both maps.
+    fn expose(&self, film: &mut Film, first: &First) {
+        let view = diffuse(first).view;
+        let reflected = shining(first, &[]).view;
+        let radiance = |pixel: usize| {
+            let found = self.diffuse.cache.look_up(&view.spot(pixel)).light;
+            let mut light = found * Vec4::from_array(first.pass.diffuse[pixel]);
+            if let Some(glossy) = self.glossy.as_ref().filter(|_| first.shining[pixel].exists()) {
+                light += glossy.cache.look_up(&reflected.spot(pixel)).light;
+            }
+            light.with_w(0.0).to_array()
+        };
         let pixels = (0..view.points.len()).into_par_iter().with_min_len(256);
-        let irradiance: Vec<[f32; 4]> = pixels.map(light).collect();
-        self.seen.expose(film, pass, self.growth.gatherer.crossing, &irradiance);
+        self.seen.expose(film, &first.pass, self.light.crossing, pixels.map(radiance).collect());
     }
 
-    fn pass(&self, number: usize) -> Result<Pass> {
-        self.seen.pass(self.growth.gatherer.incident, self.growth.gatherer.crossing, number)
-    }
-}
-
-fn view(pass: &Pass) -> View<'_> {
-    View {
-        points: &pass.samples.points,
-        receivers: &pass.receivers,
-        width: pass.samples.width,
-        height: pass.samples.height,
+    fn pass(&self, number: usize) -> Result<First> {
+        let pass = self.seen.pass(self.light.incident, self.light.crossing, number)?;
+        let shining = |point: &SurfacePoint| match &self.light.reflections {
+            Some(reflections) => reflections.shining(point),
+            None => SurfacePoint::NOWHERE,
+        };
+        let shining = pass.samples.points.par_iter().with_min_len(4096).map(shining).collect();
+        Ok(First { pass, shining })
     }
 }
 
-/// Of diffuse reflection, radiance over irradiance, all channels.
-fn mean_square(reflectance: &[[f32; 4]]) -> f64 {
-    let squares = reflectance.iter().map(|r| f64::from(Vec4::from_array(*r).truncate().length_squared()));
-    let all: f64 = squares.sum();
-    all / 3.0 / reflectance.len().max(1) as f64 / std::f64::consts::PI.powi(2)
+fn view<'a>(points: &'a [SurfacePoint], pass: &'a Pass) -> View<'a> {
+    View { points, receivers: &pass.receivers, width: pass.samples.width, height: pass.samples.height }
+}
+
+fn diffuse(first: &First) -> Seeing<'_> {
+    Seeing { view: view(&first.pass.samples.points, &first.pass), factor: &first.pass.diffuse }
+}
+
+fn shining<'a>(first: &'a First, factor: &'a [[f32; 4]]) -> Seeing<'a> {
+    Seeing { view: view(&first.shining, &first.pass), factor }
+}
+
+/// Reflected light goes to the camera as it is.
+fn ones(first: &First) -> Vec<[f32; 4]> {
+    first.shining.iter().map(|point| [if point.exists() { 1.0 } else { 0.0 }; 4]).collect()
 }
 
 fn most_seen(pass: &Pass) -> Option<u32> {

@@ -13,7 +13,6 @@ use crate::transport::samples::reflectance;
 use crate::transport::sampling;
 use crate::transport::{Edits, Samples};
 use glam::Vec3;
-use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
 /// A camera, and what lies in front of it.
@@ -36,6 +35,8 @@ pub struct Pass {
     /// `Crossing::weights` of the samples.
     pub receivers: Vec<f32>,
     pub reflectance: Vec<[f32; 4]>,
+    /// Radiance over irradiance, of diffuse reflection.
+    pub diffuse: Vec<[f32; 4]>,
     /// Straight from lights, W/m².
     pub irradiance: Vec<[f32; 4]>,
     /// W/(sr m²); empty where nothing shines.
@@ -70,16 +71,12 @@ impl<'a> Seen<'a> {
         let reflectance = reflectance(geometry, materials, &samples.points, &samples.barycentrics);
         let highlight = if shines { all(highlight) } else { Vec::new() };
         let receivers = crossing.weights(&samples.points);
-        Ok(Pass { samples, receivers, reflectance, irradiance: all(irradiance), highlight })
+        let diffuse = reflectance.iter().map(|r| r.map(|r| r * FRAC_1_PI)).collect();
+        Ok(Pass { samples, receivers, reflectance, diffuse, irradiance: all(irradiance), highlight })
     }
 
-    /// Adds a pass to a film; `indirect`: irradiance of its samples.
-    pub fn expose(&self, film: &mut Film, pass: &Pass, crossing: &Crossing, indirect: &[[f32; 4]]) {
-        let reflect = |(light, reflectance): (&[f32; 4], &[f32; 4])| {
-            [0, 1, 2, 3].map(|c| if c < 3 { light[c] * reflectance[c] * FRAC_1_PI } else { 0.0 })
-        };
-        let both = indirect.par_iter().zip(&pass.reflectance).with_min_len(4096);
-        let mut radiance: Vec<[f32; 4]> = both.map(reflect).collect();
+    /// Adds a pass to a film; `radiance`: indirect, of its samples, W/(sr m²).
+    pub fn expose(&self, film: &mut Film, pass: &Pass, crossing: &Crossing, mut radiance: Vec<[f32; 4]>) {
         at_eye(self.edits, crossing.sampled.as_ref(), &pass.samples.points, &mut radiance);
         let emission = |i: usize| match pass.samples.points[i] {
             point if point.exists() => Vec3::from(self.materials[point.material as usize].emission),

@@ -1,0 +1,143 @@
+//! What glossy surfaces reflect to the eye: rays drawn from their lobes, light at what these meet (thesis 5.3: the last
+//! bounce may be glossy).
+//!
+//! The eye stands still, so reflected radiance is a function of the place alone, and is cached as irradiance is; it changes
+//! as fast as the lobe is narrow, until each sample gathers for itself.
+
+use super::cache::{Receivers, Spot};
+use super::crossing::{Crossing, Scratch};
+use super::gatherer::{Gathered, Gathers, Places};
+use super::hemisphere::{Gradients, Hemisphere};
+use super::incident::Incident;
+use super::transit::{Arrivals, weights};
+use crate::Result;
+use crate::kernels::glossy_rows::View;
+use crate::kernels::trace_rays::{RayRecord, trace_rays};
+use crate::progress::Stage;
+use crate::scene::SurfacePoint;
+use crate::transport::sampling;
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
+
+/// Rays that are followed together.
+const BATCH: usize = 1 << 17;
+/// How far a record counts, over what it would for diffuse light, of a lobe as wide as 1.
+const SPREAD: f32 = 2.5;
+
+pub struct Reflections<'a> {
+    pub incident: &'a Incident<'a>,
+    pub crossing: &'a Crossing<'a>,
+    pub eye: Vec3,
+    /// `Material::gloss` of each.
+    pub gloss: &'a [[f32; 4]],
+}
+
+/// Width of a lobe, as `kernels::direct_light` has it.
+fn alpha(gloss: &[f32; 4]) -> f32 {
+    (gloss[3] * gloss[3]).max(1e-3)
+}
+
+impl Reflections<'_> {
+    /// Some material shines.
+    pub fn are_there(gloss: &[[f32; 4]]) -> bool {
+        gloss.iter().any(|gloss| gloss[..3].iter().any(|f0| *f0 > 0.0))
+    }
+
+    /// The point, or nothing where it does not shine.
+    pub fn shining(&self, point: &SurfacePoint) -> SurfacePoint {
+        let shines = point.exists() && self.gloss[point.material as usize][..3].iter().any(|f0| *f0 > 0.0);
+        if shines { *point } else { SurfacePoint::NOWHERE }
+    }
+
+    fn batch(&self, places: &Places, rays: usize) -> Result<Vec<Gathered>> {
+        let Incident { device, geometry, .. } = *self.incident;
+        let mut cast = vec![RayRecord::NONE; places.points.len() * rays];
+        // What light along each ray counts.
+        let mut shares = vec![Vec4::ZERO; cast.len()];
+        let fans = cast.par_chunks_mut(rays).zip(shares.par_chunks_mut(rays)).zip(places.points).zip(places.seeds);
+        fans.for_each(|(((cast, shares), place), seed)| {
+            let view = View::new(place, self.eye, geometry.lift());
+            let gloss = &self.gloss[place.material as usize];
+            let f0 = Vec4::new(gloss[0], gloss[1], gloss[2], 0.0);
+            for (i, (cast, share)) in cast.iter_mut().zip(shares).enumerate() {
+                let at = sampling::lattice(i as u32, rays as u32, sampling::shift(*seed));
+                let Some((ray, [coloured, plain])) = view.reflected(place, alpha(gloss), at) else { continue };
+                *cast = RayRecord::new(&ray);
+                *share = (f0 * coloured + Vec4::new(plain, plain, plain, 0.0)) * (FRAC_1_PI / rays as f32);
+            }
+        });
+        let traced = trace_rays(device, geometry, &cast)?;
+        let samples =
+            self.crossing.sampled.as_ref().map(|sampled| sampled.samples(&traced.points, &traced.barycentrics));
+        let samples = samples.unwrap_or_default();
+        let casters = weights(self.crossing.transits.casters(), &traced.points);
+        let mut leaving = self.incident.light(traced.points, &traced.barycentrics, places.seeds[0])?;
+        if let Some(sampled) = &self.crossing.sampled {
+            sampled.at_source(&samples, &mut leaving);
+        }
+        let count = self.crossing.receivers();
+        let sum = |(arrivals, scratch): &mut (Arrivals, Scratch), i: usize| {
+            let (fan, place) = (i * rays..(i + 1) * rays, &places.points[i]);
+            arrivals.clear();
+            for ray in fan.clone() {
+                let light = leaving.from_lamps[ray].with_w(0.0) + leaving.from_others[ray];
+                arrivals.light.push(light * shares[ray]);
+                arrivals.direction.push(cast[ray].direction.into());
+                arrivals.distance.push(traced.distances[ray]);
+                arrivals.seen.push(1.0);
+            }
+            let each = self.crossing.transits.casters().len();
+            arrivals.casters.extend_from_slice(&casters[fan.start * each..fan.end * each]);
+            let samples = samples.get(fan.clone()).unwrap_or(&[]);
+            let receivers = &places.receivers[i * count..][..count];
+            let mut light = vec![Gradients::default(); self.crossing.parts()];
+            let rows = self.crossing.rows(place);
+            self.crossing.each_part(arrivals, samples, receivers, rows.as_ref(), scratch, |part| {
+                light[part.number].value = part.light.iter().sum();
+            });
+            let width = alpha(&self.gloss[place.material as usize]);
+            // What is reflected moves with the eye's parallax, too.
+            let eye = Vec3::from(place.position).distance(self.eye);
+            let reach = Hemisphere::reach(&traced.distances[fan]);
+            let reach = reach.map(|reach| (SPREAD * width).min(1.0) / (1.0 / reach + 1.0 / eye));
+            Gathered { light, reach, bend: (1.0 / (SPREAD * width)).max(1.0) }
+        };
+        let all = (0..places.points.len()).into_par_iter();
+        Ok(all.map_init(<(Arrivals, Scratch)>::default, sum).collect())
+    }
+}
+
+impl Gathers for Reflections<'_> {
+    fn gather(&self, places: &Places, rays: u32, stage: &Stage) -> Result<Vec<Gathered>> {
+        let (batch, receivers) = ((BATCH / rays as usize).max(1), self.crossing.receivers());
+        let mut all = Vec::with_capacity(places.points.len());
+        for first in (0..places.points.len()).step_by(batch) {
+            let range = first..(first + batch).min(places.points.len());
+            let places = Places {
+                points: &places.points[range.clone()],
+                receivers: &places.receivers[range.start * receivers..range.end * receivers],
+                seeds: &places.seeds[range],
+            };
+            all.extend(self.batch(&places, rays as usize)?);
+            stage.advance(u64::from(rays) * places.points.len() as u64)?;
+        }
+        Ok(all)
+    }
+}
+
+impl Receivers for Reflections<'_> {
+    fn tell_apart(&self) -> bool {
+        true
+    }
+
+    fn count(&self) -> usize {
+        self.crossing.count()
+    }
+
+    /// Another material has another lobe.
+    fn part_ways(&self, here: &Spot, there: &Spot) -> bool {
+        here.point.material != there.point.material
+            || self.crossing.tell_apart() && self.crossing.part_ways(here, there)
+    }
+}
