@@ -54,7 +54,7 @@ impl Default for FinalGather {
             rays: 8192,
             bounces: 1,
             cache_error: 0.5,
-            light_samples: 16,
+            light_samples: 64,
         }
     }
 }

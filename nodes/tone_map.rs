@@ -195,23 +195,7 @@ mod tests {
             connected: vec![true],
         };
         let notes = Mutex::default();
-        let job = Job {
-            device: &Device::Cpu,
-            progress: Progress::silent(),
-            memo: &NoMemo,
-            frame: 0.0,
-            fps: 24.0,
-            base: Path::new(""),
-            out: None,
-            recipe: &String::new,
-            key: Key::of(&[]),
-            content: Key::of(&[]),
-            part: None,
-            show: None,
-            keeps_best: false,
-            unfinished: &std::sync::atomic::AtomicBool::new(false),
-            notes: &notes,
-        };
+        let job = Job::alone(&Device::Cpu, &NoMemo, &notes);
         let values = node.run(&inputs, &job)?;
         let noted = notes.lock().unwrap().get("pixels_not_finite").is_some();
         assert_eq!(noted, node.layers.is_empty(), "only the beauty has a NaN");

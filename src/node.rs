@@ -344,6 +344,35 @@ pub struct Job<'a> {
     pub notes: &'a Mutex<serde_json::Map<String, serde_json::Value>>,
 }
 
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+impl<'a> Job<'a> {
+    /// A run by itself, outside of any evaluation: nobody watches it, nobody stops it, and no recipe is written.
+    pub fn alone(
+        device: &'a Device,
+        memo: &'a dyn Memo,
+        notes: &'a Mutex<serde_json::Map<String, serde_json::Value>>,
+    ) -> Self {
+        Self {
+            device,
+            progress: Progress::silent(),
+            memo,
+            frame: 0.0,
+            fps: 24.0,
+            base: Path::new(""),
+            out: None,
+            recipe: &String::new,
+            key: Key([0; 16]),
+            content: Key([0; 16]),
+            part: None,
+            show: None,
+            keeps_best: false,
+            unfinished: &NEVER,
+            notes,
+        }
+    }
+}
+
 impl Job<'_> {
     pub fn path(&self, file: &str) -> PathBuf {
         self.base.join(file)

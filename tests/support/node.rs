@@ -40,21 +40,12 @@ pub fn run_at(kind: &str, params: Json, inputs: &[(&str, Value)], at: At) -> Res
     let values: Vec<Option<(Value, [Key; 4])>> = node_type.info.inputs.iter().map(|port| value(port.name)).collect();
     let notes = Mutex::default();
     let job = Job {
-        device: &Device::Cpu,
-        progress: Progress::silent(),
-        memo: &NoMemo,
         frame: at.frame,
-        fps: 24.0,
         base: at.base,
         out: at.out,
         recipe: &|| "{ \"chiaro\": 1 }".to_owned(),
         key: Key::of(&[b"key"]),
-        content: Key::of(&[b"content"]),
-        part: None,
-        show: None,
-        keeps_best: false,
-        unfinished: &std::sync::atomic::AtomicBool::new(false),
-        notes: &notes,
+        ..Job::alone(&Device::Cpu, &NoMemo, &notes)
     };
     let connected = values.iter().map(Option::is_some).collect();
     let values = node.run(&Inputs { info: node_type.info, values, at_frames: Vec::new(), connected }, &job)?;

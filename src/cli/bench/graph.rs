@@ -1,12 +1,11 @@
 //! Times a recipe: whole runs of the program, cold and warm, and one relight node by hand with a light on the move.
 
-use super::{Part, frames, head, integrate, measure, print, sliders, visibility};
+use super::{Part, final_pictures, frames, head, integrate, measure, print, sliders, visibility};
 use crate::device::{Choice, Device};
 use crate::eval::{Context, Evaluator, Memory, Options};
 use crate::graph::{self, Document, Plan};
 use crate::node::{Facet, Inputs, Job, Key};
 use crate::params::NodeType;
-use crate::progress::{Progress, Silent};
 use crate::scene::{Light, LightKind, Scene};
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
@@ -31,9 +30,9 @@ pub fn run(
     let of_type = |name: &str| plan.steps.iter().any(|step| step.node_type.info.name == name);
     let relit = of_type("relight");
     let shadowed = of_type("view_samples") && (of_type("environment") || of_type("visibility"));
-    if !relit && !shadowed {
+    if !relit && !shadowed && !of_type("final_gather") {
         return Err(Error::usage(
-            "the recipe has no relight node, nor view_samples with an environment or visibility node",
+            "the recipe has no relight or final_gather node, nor view_samples with an environment or visibility node",
             "name a recipe that lights something",
         ));
     }
@@ -43,12 +42,16 @@ pub fn run(
     if asked(Part::Frames) {
         frames::run(&plan, Device::open(choice)?)?;
     }
+    if of_type("final_gather") && asked(Part::Final) {
+        final_pictures::run(&plan, Device::open(choice)?, runs)?;
+    }
     if shadowed && asked(Part::Masks) {
         masks(&plan, &document, Device::open(choice)?)?;
     }
     match relit {
         _ if !asked(Part::Light) => {}
         true => moved_light(&plan, device, runs)?,
+        false if !shadowed => {}
         false => integrate::run(&plan, device, runs)?,
     }
     if asked(Part::Sliders) {
@@ -216,23 +219,8 @@ fn moved_light(plan: &Plan, device: Device, runs: u32) -> Result<()> {
             at_frames: Vec::new(),
             connected: step.inputs.iter().map(Option::is_some).collect(),
         };
-        let job = Job {
-            device: evaluator.device(),
-            progress: Progress { node: &step.name, sink: &Silent, cancel: &never },
-            memo: &memory,
-            frame: 0.0,
-            fps: plan.fps,
-            base: &plan.base,
-            out: None,
-            recipe: &|| plan.recipe(),
-            key: Key::of(&[&turn.to_le_bytes()]),
-            content: Key::of(&[b"none"]),
-            part: None,
-            show: None,
-            keeps_best: false,
-            unfinished: &std::sync::atomic::AtomicBool::new(false),
-            notes: &Mutex::default(),
-        };
+        let notes = Mutex::default();
+        let job = Job { key: Key::of(&[&turn.to_le_bytes()]), ..Job::alone(evaluator.device(), &memory, &notes) };
         node.run(&inputs, &job).map(drop)
     };
     let lights = values.iter().flatten().find_map(|value| match value {

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "editor")]
 mod editor;
+mod final_pictures;
 mod frames;
 mod graph;
 mod integrate;
@@ -42,6 +43,8 @@ enum Part {
     Process,
     /// Masks of visibility, beside rays
     Masks,
+    /// Pictures of final quality, with edits and without them by turns
+    Final,
     /// Frames of an animation, one after another
     Frames,
     /// One lighting node by itself

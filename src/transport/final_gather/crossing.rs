@@ -75,10 +75,6 @@ impl<'a> Crossing<'a> {
         1 + self.receivers()
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.transits.is_empty() && self.by_rows().is_none()
-    }
-
     /// The receivers' weights at N places, those of a place one after another.
     pub fn weights(&self, points: &[SurfacePoint]) -> Vec<f32> {
         let procedural = weights(self.transits.receivers(), points);
@@ -96,11 +92,26 @@ impl<'a> Crossing<'a> {
     pub fn rows(&self, place: &SurfacePoint) -> Option<Rows> {
         let sampled = self.by_rows()?;
         let mix = sampled.mix(place);
+        if mix.is_empty() {
+            return None;
+        }
         let scales = sampled.scales(&mix);
         Some(Rows { mix, scales })
     }
 
-    /// Hands out the parts of the light at a place. `samples`: the gather sample nearest to where each arrival comes from,
+    /// Light at a place arrives there as it is.
+    pub fn spares(&self, receivers: &[f32]) -> bool {
+        receivers.iter().all(|weight| *weight == 0.0) && !self.transits.reaches(receivers)
+    }
+
+    /// Whether any of some places asks which gather samples are near; `receivers`: of all of them.
+    pub fn asks_for_samples(&self, receivers: &[f32]) -> bool {
+        let count = self.receivers();
+        self.sampled.as_ref().is_some_and(SampledEdits::changes_source)
+            || self.by_rows().is_some() && receivers.chunks_exact(count).any(|weights| weights[count - 1] != 0.0)
+    }
+
+    /// Hands out the parts of the light at a place: the derivatives by those receivers that it is in. `samples`: the gather sample nearest to where each arrival comes from,
     /// where sampled edits ask for it.
     pub fn each_part(
         &self,
@@ -126,7 +137,7 @@ impl<'a> Crossing<'a> {
         };
         self.transits.apply(through, &receivers[..procedural], base);
         take(Part { number: 0, light: base, added });
-        for e in 0..procedural {
+        for e in (0..procedural).filter(|e| receivers[*e] != 0.0) {
             let mut moved = receivers[..procedural].to_vec();
             moved[e] = if receivers[e] < 0.5 { 1.0 } else { 0.0 };
             self.transits.apply(through, &moved, other);
@@ -153,10 +164,13 @@ impl Receivers for Crossing<'_> {
         self.receivers() > 0
     }
 
-    /// Sampled edits touch only the second, or too much is different at once.
+    /// Something acts on the second alone, whose part the first does not have; or too much is different at once.
     fn part_ways(&self, here: &Spot, there: &Spot) -> bool {
         let (here, there) = (here.receivers, there.receivers);
-        let untouched = self.by_rows().is_some() && here.last() == Some(&0.0) && there.last() != Some(&0.0);
+        if here == there {
+            return false;
+        }
+        let untouched = here.iter().zip(there).any(|(here, there)| *here == 0.0 && *there != 0.0);
         let (mut sum, mut squares) = (0.0, 0.0);
         here.iter().zip(there).for_each(|(here, there)| {
             let apart = (here - there).abs();

@@ -134,8 +134,12 @@ impl<'a> Gatherer<'a> {
             };
             let reach = Hemisphere::reach(&layers[0].distances[place.fan.clone()]);
             let receivers = &places.receivers[i * count..][..count];
-            let light = match self.crossing.is_empty() {
-                true => vec![self.unedited(&place)],
+            let light = match self.crossing.spares(receivers) {
+                true => {
+                    let mut light = vec![Gradients::default(); 1 + count];
+                    light[0] = self.unedited(&place);
+                    light
+                }
                 false => self.edited(&place, &places.points[i], receivers, arrivals, scratch),
             };
             Gathered { light, reach, bend: 1.0 }
@@ -155,8 +159,10 @@ impl<'a> Gatherer<'a> {
     ) -> Result<Layer> {
         let (rays, met) = (cast.len() / hemispheres.len().max(1), traced.points);
         let samples = match &self.crossing.sampled {
-            Some(sampled) => sampled.samples(&met, &traced.barycentrics),
-            None => Vec::new(),
+            Some(sampled) if self.crossing.asks_for_samples(places.receivers) => {
+                sampled.samples(&met, &traced.barycentrics)
+            }
+            _ => Vec::new(),
         };
         let mut leaving = self.incident.light(met.clone(), &traced.barycentrics, places.seeds[0])?;
         if let Some(sampled) = &self.crossing.sampled {

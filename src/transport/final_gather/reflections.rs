@@ -68,9 +68,12 @@ impl Reflections<'_> {
             }
         });
         let traced = trace_rays(device, geometry, &cast)?;
-        let samples =
-            self.crossing.sampled.as_ref().map(|sampled| sampled.samples(&traced.points, &traced.barycentrics));
-        let samples = samples.unwrap_or_default();
+        let samples = match &self.crossing.sampled {
+            Some(sampled) if self.crossing.asks_for_samples(places.receivers) => {
+                sampled.samples(&traced.points, &traced.barycentrics)
+            }
+            _ => Vec::new(),
+        };
         let casters = weights(self.crossing.transits.casters(), &traced.points);
         let mut leaving = self.incident.light(traced.points, &traced.barycentrics, places.seeds[0])?;
         if let Some(sampled) = &self.crossing.sampled {

@@ -23,6 +23,8 @@ pub struct SampledEdits<'a> {
     /// For what the view did not see.
     carried: OnceLock<Carried>,
     camera: Camera,
+    /// Of each object, whether some of it is touched.
+    touches: Vec<bool>,
     /// Rows as they are asked for.
     pieces: Vec<OnceLock<Pieces>>,
     /// Of each offset row, irradiance that it adds, W/m²; empty for none.
@@ -77,7 +79,22 @@ impl<'a> SampledEdits<'a> {
         };
         let pieces = (0..sampled.rows()).map(|_| OnceLock::new()).collect();
         let unseen = AtomicUsize::new(0);
-        Ok(Self { geometry, sampled, nearest, carried: OnceLock::new(), camera, pieces, added: Vec::new(), unseen })
+        let mut touches = vec![false; geometry.objects.len()];
+        let sides = sampled.touched.iter().map(|sample| sampled.view.side[*sample as usize]);
+        sides.filter(|side| *side != NOWHERE).for_each(|side| {
+            touches[geometry.object[(side / 2) as usize] as usize] = true;
+        });
+        Ok(Self {
+            geometry,
+            sampled,
+            nearest,
+            carried: OnceLock::new(),
+            camera,
+            touches,
+            pieces,
+            added: Vec::new(),
+            unseen,
+        })
     }
 
     /// The gather sample nearest to a hit; `None` where there is none on that side.
@@ -89,12 +106,16 @@ impl<'a> SampledEdits<'a> {
         self.nearest.at(point.triangle, barycentrics, front)
     }
 
+    pub fn changes_source(&self) -> bool {
+        self.sampled.source.scale.is_some() || self.sampled.source.offset.is_some()
+    }
+
     /// Changes light where it leaves a surface, by the gather sample nearest to there.
     pub fn at_source(&self, samples: &[Option<u32>], leaving: &mut Leaving) {
-        let source = &self.sampled.source;
-        if source.scale.is_none() && source.offset.is_none() {
+        if !self.changes_source() {
             return;
         }
+        let source = &self.sampled.source;
         let light = leaving.from_lamps.par_iter_mut().zip(&mut leaving.from_others).zip(samples).with_min_len(4096);
         light.for_each(|((lamps, others), sample)| {
             let (scale, offset) = at(source, *sample);
@@ -130,6 +151,10 @@ impl<'a> SampledEdits<'a> {
     /// The rows of a place: of its three nearest view samples, each by its barycentric weight.
     pub fn mix(&self, place: &SurfacePoint) -> Mix {
         let mut mix = Mix::default();
+        // Rows of a place are those of its own object.
+        if !place.exists() || !self.touches[place.object as usize] {
+            return mix;
+        }
         let reach = self.reach(place);
         for (sample, share) in reach.samples.into_iter().zip(reach.weights).filter(|(_, share)| *share > 0.0) {
             let Ok(touched) = self.sampled.touched.binary_search(&sample) else { continue };

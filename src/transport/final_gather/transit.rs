@@ -73,10 +73,6 @@ impl<'a> Transits<'a> {
         Self { edits, caster, receiver, casters, receivers, nearest: (area / PREVIEW_SAMPLES).sqrt() }
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.edits.is_empty()
-    }
-
     pub fn casters(&self) -> &[Arc<Selection>] {
         &self.casters
     }
