@@ -177,8 +177,6 @@ mod tests {
     use crate::device::Device;
     use crate::image::Content;
     use crate::node::{Key, NoMemo};
-    use crate::progress::Progress;
-    use std::path::Path;
     use std::sync::Mutex;
 
     fn run(node: &ToneMap) -> Result<Image> {

@@ -3,7 +3,6 @@
 use chiaro::device::Device;
 use chiaro::image::Image;
 use chiaro::node::{Inputs, Job, Key, NoMemo};
-use chiaro::progress::Progress;
 use chiaro::transport::Samples;
 use chiaro::transport::shadow::Ratio;
 use chiaro::value::Value;
