@@ -132,7 +132,7 @@ impl Hemisphere {
                 let here = exitance[j * n + k];
                 value += here;
                 let middle = (j as f32 + 0.5) / m as f32;
-                turned -= here * (middle / (1.0 - middle)).sqrt();
+                turned += here * (middle / (1.0 - middle)).sqrt();
                 let distance = distances[j * n + k];
                 if j > 0 {
                     let border = sin(j);
