@@ -5,9 +5,12 @@ mod folder;
 #[allow(dead_code, reason = "each test file uses its own part")]
 #[path = "support/glb.rs"]
 mod glb;
+#[path = "support/python.rs"]
+mod python;
 
 use folder::files;
 use glb::Glb;
+use python::said;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -73,23 +76,9 @@ impl Bench {
 }
 
 /// The engine of the standard itself, if it is here.
-fn openjd() -> Option<impl Fn(&[&str]) -> Output> {
-    let python = std::env::var("CHIARO_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let name = python.clone();
-    let openjd = move |arguments: &[&str]| Command::new(&python).args(["-m", "openjd"]).args(arguments).output();
-    if openjd(&["--version"]).is_ok_and(|output| output.status.success()) {
-        return Some(move |arguments: &[&str]| openjd(arguments).unwrap());
-    }
-    use std::io::Write;
-    let _ = writeln!(std::io::stderr(), "\nSKIPPED: {name} has no openjd-cli (pip install, or set CHIARO_PYTHON)");
-    None
-}
-
-/// Of a program that succeeds.
-fn said(output: Output) -> String {
-    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
-    assert!(output.status.success(), "{text}");
-    text
+fn openjd(test: &str) -> Option<impl Fn(&[&str]) -> Output> {
+    let run = python::with(test, &["openjd"])?;
+    Some(move |arguments: &[&str]| run(&[&["-m", "openjd"], arguments].concat()))
 }
 
 const LAMP: usize = 3;
@@ -176,7 +165,7 @@ fn a_job_beside_its_recipe_names_it_by_name() {
 /// The engine of the standard itself checks the template and runs both steps, two chunks of frames.
 #[test]
 fn openjd_runs_it_and_the_frames_are_those_of_a_plain_render() {
-    let Some(openjd) = openjd() else { return };
+    let Some(openjd) = openjd("openjd_runs_it_and_the_frames_are_those_of_a_plain_render") else { return };
     let bench = Bench::new(LAMP);
     let (recipe, job) = (bench.path("it's a recipe.json"), bench.path("job.yaml"));
     let fixed =
@@ -197,7 +186,7 @@ fn openjd_runs_it_and_the_frames_are_those_of_a_plain_render() {
 /// Names and arguments that the engine would read as expressions, frames below zero, steps.
 #[test]
 fn openjd_takes_odd_names_arguments_and_frames() {
-    let Some(openjd) = openjd() else { return };
+    let Some(openjd) = openjd("openjd_takes_odd_names_arguments_and_frames") else { return };
     let bench = Bench::new(LAMP);
     let recipe = std::fs::read_to_string(bench.path("it's a recipe.json")).unwrap();
     let odd = bench.path(&format!("{{{{odd}}}} {}.json", "long ".repeat(20)));

@@ -7,6 +7,8 @@
 #[allow(dead_code)]
 #[path = "support/node.rs"]
 mod node;
+#[path = "support/python.rs"]
+mod python;
 mod support;
 
 use chiaro::image::cryptomatte::{Cryptomatte, rank};
@@ -24,26 +26,9 @@ const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// The script, for those who have all of `modules`.
 fn script(test: &str, modules: &[&str]) -> Option<impl Fn(&[&str])> {
-    let python = std::env::var("CHIARO_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/interop/exchange.py");
-    let asked = Command::new(&python).arg(&script).arg("has").args(modules).output();
-    let found = asked.ok().filter(|output| output.status.success());
-    let found: Vec<String> = found.map_or_else(Vec::new, |output| serde_json::from_slice(&output.stdout).unwrap());
-    let missing: Vec<&&str> = modules.iter().filter(|module| !found.iter().any(|name| name == **module)).collect();
-    if !missing.is_empty() {
-        use std::io::Write;
-        // Past the test runner's capture.
-        let _ = writeln!(
-            std::io::stderr(),
-            "\nSKIPPED: {test}: {python} has no {missing:?} (pip install, or set CHIARO_PYTHON)"
-        );
-        return None;
-    }
-    Some(move |arguments: &[&str]| {
-        let output = Command::new(&python).arg(&script).args(arguments).output().unwrap();
-        let said = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
-        assert!(output.status.success(), "{arguments:?}: {said}");
-    })
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/interop/exchange.py");
+    let run = python::with(test, modules)?;
+    Some(move |arguments: &[&str]| drop(python::said(run(&[&[script], arguments].concat()))))
 }
 
 /// A channel as another program reads it.

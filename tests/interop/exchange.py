@@ -3,7 +3,6 @@
 
 Packages from PyPI: OpenEXR, OpenImageIO, opencolorio, bpy (Blender 5), numpy.
 
-    exchange.py has MODULE...                    prints those that can be imported
     exchange.py read OpenEXR|OpenImageIO EXR OUT channels of a file as raw floats, and OUT/index.json
     exchange.py write OUT                        EXR files by OpenEXR: compressions, windows, names, types
     exchange.py multiply EXR A B OUT             two layers of a file multiplied by OpenImageIO
@@ -12,18 +11,14 @@ Packages from PyPI: OpenEXR, OpenImageIO, opencolorio, bpy (Blender 5), numpy.
     exchange.py pose GLB CLIP OUT FRAME..        where Blender has what a glTF file moves, as JSON
     exchange.py key EXR OBJECT WIDTH HEIGHT OUT  an object keyed out of a file by Blender's Cryptomatte node
 """
-import importlib.util, json, os, sys
+import json, os, sys
 
 
 def main(command, *arguments):
     {
-        "has": has, "read": read, "write": write, "multiply": multiply, "view": view, "render": render, "key": key,
+        "read": read, "write": write, "multiply": multiply, "view": view, "render": render, "key": key,
         "pose": pose,
     }[command](*arguments)
-
-
-def has(*modules):
-    print(json.dumps([name for name in modules if importlib.util.find_spec(name)]))
 
 
 def dump(folder, display, channels, attributes):
