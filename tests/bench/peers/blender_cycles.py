@@ -1,9 +1,10 @@
 """Time and pictures of Blender's Cycles, one bounce of indirect light, for a curve of error over time.
 
-    python blender_cycles.py SCENE.glb OUT [--samples 1,2,4] [--bounces 1] [--threads 2] [--denoise] [--size 640x480]
+    python blender_cycles.py SCENE.glb OUT [--samples 1,2,4] [--bounces 1] [--threads 2] [--size 640x480] [--denoise]
 
-Writes OUT/cycles-SAMPLES.exr (passes `Diffuse Indirect`, `Diffuse Color`, as in the plates) and prints one line of JSON a
-picture: samples a pixel, seconds. Needs `bpy` (PyPI), Blender 5.
+Writes OUT/cycles-SAMPLES.exr (passes `Diffuse Indirect`, `Diffuse Color`, as in the plates; with --denoise, what
+OpenImageDenoise makes of their product, as layer `Composite`) and prints one line of JSON a picture: samples a pixel,
+seconds. Needs `bpy` (PyPI), Blender 5.
 
 The seconds are those of a render whose scene, textures and BVH are there already (persistent data, one render before
 that does not count), without writing the file.
@@ -49,6 +50,28 @@ def plain(scene, bounces):
             node.inputs["Strength"].default_value = 0.0
 
 
+def denoise(scene, layer):
+    """Indirect light times surface colour through OpenImageDenoise, told by albedo and normals."""
+    layer.cycles.denoising_store_passes = True
+    tree = bpy.data.node_groups.new("denoise", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    scene.compositing_node_group = tree
+    passes = tree.nodes.new("CompositorNodeRLayers")
+    product = tree.nodes.new("ShaderNodeMix")
+    product.data_type, product.blend_type = "RGBA", "MULTIPLY"
+    product.inputs[0].default_value = 1.0
+    denoiser = tree.nodes.new("CompositorNodeDenoise")
+    out = tree.nodes.new("NodeGroupOutput")
+    colours = [socket for socket in product.inputs if socket.type == "RGBA"]
+    result = [socket for socket in product.outputs if socket.type == "RGBA"][0]
+    tree.links.new(passes.outputs["Diffuse Indirect"], colours[0])
+    tree.links.new(passes.outputs["Diffuse Color"], colours[1])
+    tree.links.new(result, denoiser.inputs["Image"])
+    tree.links.new(passes.outputs["Denoising Albedo"], denoiser.inputs["Albedo"])
+    tree.links.new(passes.outputs["Denoising Normal"], denoiser.inputs["Normal"])
+    tree.links.new(denoiser.outputs["Image"], out.inputs["Image"])
+
+
 def load(path):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     # Files made for radiometric renderers: intensities in W/sr are taken as they are.
@@ -74,6 +97,7 @@ def main():
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--denoise", action="store_true", help="with OpenImageDenoise, albedo and normals")
     parser.add_argument("--size", default="640x480")
+    parser.add_argument("--seed", type=int, default=1, help="other than that of plates, whose noise is theirs")
     arguments = parser.parse_args()
     os.makedirs(arguments.out, exist_ok=True)
     scene = load(arguments.scene)
@@ -86,6 +110,9 @@ def main():
     layer.use_pass_diffuse_indirect = True
     layer.use_pass_diffuse_color = True
     layer.use_pass_diffuse_direct = True
+    if arguments.denoise:
+        denoise(scene, layer)
+    scene.cycles.seed = arguments.seed
     settings = scene.render.image_settings
     settings.media_type = "MULTI_LAYER_IMAGE"
     settings.file_format = "OPEN_EXR_MULTILAYER"
@@ -94,6 +121,9 @@ def main():
     bpy.ops.render.render()
     for samples in map(int, arguments.samples.split(",")):
         scene.cycles.samples = samples
+        # Persistent data do not see a change of settings by themselves.
+        scene.update_tag()
+        bpy.context.view_layer.update()
         start = time.perf_counter()
         bpy.ops.render.render()
         seconds = time.perf_counter() - start
