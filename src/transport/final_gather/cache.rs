@@ -48,14 +48,16 @@ struct Shape {
     /// Where a record is made to count farther than its light allows, gradients are followed by this less.
     damping: f32,
     variance: f32,
+    /// `Receivers::kind`.
+    kind: u64,
 }
 
 /// How places are told apart.
 pub trait Receivers: Sync {
-    /// Whether they ever are.
-    fn tell_apart(&self) -> bool;
     /// Weights a place.
     fn count(&self) -> usize;
+    /// Places of one kind do not part ways.
+    fn kind(&self, spot: &Spot) -> u64;
     /// A record at `here` says nothing of a place `there`.
     fn part_ways(&self, here: &Spot, there: &Spot) -> bool;
 }
@@ -164,7 +166,8 @@ impl<'a> Cache<'a> {
     pub fn refresh(&mut self) {
         let (error, pixels) = (self.error, self.pixels);
         let parts = self.parts();
-        let shape = |(record, light): (&Record, &[Gradients])| {
+        let shape = |(number, light): (usize, &[Gradients])| {
+            let record = &self.records[number];
             let radius = record.radius.max(pixels * record.footprint / error).max(1e-20);
             Shape {
                 position: record.place.position.into(),
@@ -174,9 +177,10 @@ impl<'a> Cache<'a> {
                 bend: record.bend.max(bend(&light[0])),
                 damping: (record.radius / radius).min(1.0),
                 variance: record.variance,
+                kind: self.edits.kind(&self.spot(number)),
             }
         };
-        self.shapes = self.records.par_iter().zip(self.light.par_chunks(parts)).with_min_len(1024).map(shape).collect();
+        self.shapes = self.light.par_chunks(parts).enumerate().with_min_len(1024).map(shape).collect();
         let spheres: Vec<(Vec3, f32)> = self.shapes.iter().map(|s| (s.position, s.reach2.sqrt())).collect();
         self.index = Index::new(&spheres);
     }
@@ -264,6 +268,7 @@ impl<'a> Cache<'a> {
             return;
         }
         let (at, normal) = (Vec3::from(spot.point.position), Vec3::from(spot.point.normal));
+        let kind = self.edits.kind(spot);
         self.index.near(at, |record| {
             let shape = &self.shapes[record as usize];
             let by = at - shape.position;
@@ -277,7 +282,7 @@ impl<'a> Cache<'a> {
             if error >= self.error || by.dot(normal + shape.normal) * shape.inverse < -0.1 * self.error {
                 return true;
             }
-            if self.edits.tell_apart() && self.edits.part_ways(&self.spot(record as usize), spot) {
+            if shape.kind != kind && self.edits.part_ways(&self.spot(record as usize), spot) {
                 return true;
             }
             take(record as usize, 1.0 / error.max(1e-3 * self.error) - 1.0 / self.error, by)

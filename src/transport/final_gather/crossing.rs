@@ -5,6 +5,7 @@ use super::incident::Incident;
 use super::pieces::Pieces;
 use super::sampled::{Mix, SampledEdits};
 use super::transit::{Arrivals, Transits, weights};
+use crate::kernels::trace_rays::Traced;
 use crate::memo::Memo;
 use crate::scene::SurfacePoint;
 use crate::transport::Edits;
@@ -79,7 +80,7 @@ impl<'a> Crossing<'a> {
     pub fn weights(&self, points: &[SurfacePoint]) -> Vec<f32> {
         let procedural = weights(self.transits.receivers(), points);
         let Some(sampled) = self.by_rows() else { return procedural };
-        let amounts: Vec<f32> = points.par_iter().with_min_len(256).map(|point| sampled.mix(point).amount()).collect();
+        let amounts: Vec<f32> = points.par_iter().with_min_len(256).map(|point| sampled.amount(point)).collect();
         let count = self.transits.receivers().len();
         let mut all = Vec::with_capacity(points.len() * (count + 1));
         for (i, amount) in amounts.into_iter().enumerate() {
@@ -104,15 +105,21 @@ impl<'a> Crossing<'a> {
         receivers.iter().all(|weight| *weight == 0.0) && !self.transits.reaches(receivers)
     }
 
-    /// Whether any of some places asks which gather samples are near; `receivers`: of all of them.
-    pub fn asks_for_samples(&self, receivers: &[f32]) -> bool {
-        let count = self.receivers();
-        self.sampled.as_ref().is_some_and(SampledEdits::changes_source)
-            || self.by_rows().is_some() && receivers.chunks_exact(count).any(|weights| weights[count - 1] != 0.0)
+    /// The gather samples nearest to what the rays of places met, `rays` a place, where sampled edits ask for them; `receivers`:
+    /// of all places.
+    pub fn samples(&self, receivers: &[f32], traced: &Traced, rays: usize) -> Vec<Option<u32>> {
+        let Some(sampled) = &self.sampled else { return Vec::new() };
+        let (everywhere, count) = (sampled.changes_source(), self.receivers());
+        let asks = |place: usize| everywhere || self.by_rows().is_some() && receivers[(place + 1) * count - 1] != 0.0;
+        let asks: Vec<bool> = (0..traced.points.len() / rays).map(asks).collect();
+        if !asks.contains(&true) {
+            return Vec::new();
+        }
+        sampled.samples(&traced.points, &traced.barycentrics, |ray| asks[ray / rays])
     }
 
-    /// Hands out the parts of the light at a place: the derivatives by those receivers that it is in. `samples`: the gather sample nearest to where each arrival comes from,
-    /// where sampled edits ask for it.
+    /// Hands out the parts of the light at a place: the derivatives by those receivers that it is in. `samples`: the gather
+    /// sample nearest to where each arrival comes from, where sampled edits ask for it.
     pub fn each_part(
         &self,
         arrivals: &Arrivals,
@@ -160,8 +167,10 @@ impl Receivers for Crossing<'_> {
         self.receivers()
     }
 
-    fn tell_apart(&self) -> bool {
-        self.receivers() > 0
+    /// A hash of the weights (FNV-1a, words for bytes), whose low bits are left to others.
+    fn kind(&self, spot: &Spot) -> u64 {
+        let mix = |hash: u64, weight: &f32| (hash ^ u64::from(weight.to_bits())).wrapping_mul(0x0100_0000_01b3);
+        spot.receivers.iter().fold(0xcbf2_9ce4_8422_2325, mix) << 32
     }
 
     /// Something acts on the second alone, whose part the first does not have; or too much is different at once.

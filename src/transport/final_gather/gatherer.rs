@@ -79,7 +79,7 @@ impl<'a> Gatherer<'a> {
         let photon_casters = weights(crossing.transits.casters(), &points);
         let mut photon_samples = Vec::new();
         if let Some(sampled) = &crossing.sampled {
-            photon_samples = sampled.samples(&points, &barycentrics);
+            photon_samples = sampled.samples(&points, &barycentrics, |_| true);
             let from_lamps = photons.list.iter().map(|photon| photon.power).collect();
             let mut leaving = Leaving { from_lamps, from_others: vec![Vec4::ZERO; points.len()] };
             sampled.at_source(&photon_samples, &mut leaving);
@@ -157,13 +157,9 @@ impl<'a> Gatherer<'a> {
         traced: Traced,
         ratio: f32,
     ) -> Result<Layer> {
-        let (rays, met) = (cast.len() / hemispheres.len().max(1), traced.points);
-        let samples = match &self.crossing.sampled {
-            Some(sampled) if self.crossing.asks_for_samples(places.receivers) => {
-                sampled.samples(&met, &traced.barycentrics)
-            }
-            _ => Vec::new(),
-        };
+        let rays = cast.len() / hemispheres.len().max(1);
+        let samples = self.crossing.samples(places.receivers, &traced, rays);
+        let met = traced.points;
         let mut leaving = self.incident.light(met.clone(), &traced.barycentrics, places.seeds[0])?;
         if let Some(sampled) = &self.crossing.sampled {
             sampled.at_source(&samples, &mut leaving);

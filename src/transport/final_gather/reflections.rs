@@ -68,12 +68,7 @@ impl Reflections<'_> {
             }
         });
         let traced = trace_rays(device, geometry, &cast)?;
-        let samples = match &self.crossing.sampled {
-            Some(sampled) if self.crossing.asks_for_samples(places.receivers) => {
-                sampled.samples(&traced.points, &traced.barycentrics)
-            }
-            _ => Vec::new(),
-        };
+        let samples = self.crossing.samples(places.receivers, &traced, rays);
         let casters = weights(self.crossing.transits.casters(), &traced.points);
         let mut leaving = self.incident.light(traced.points, &traced.barycentrics, places.seeds[0])?;
         if let Some(sampled) = &self.crossing.sampled {
@@ -130,17 +125,16 @@ impl Gathers for Reflections<'_> {
 }
 
 impl Receivers for Reflections<'_> {
-    fn tell_apart(&self) -> bool {
-        true
-    }
-
     fn count(&self) -> usize {
         self.crossing.count()
     }
 
+    fn kind(&self, spot: &Spot) -> u64 {
+        self.crossing.kind(spot) ^ u64::from(spot.point.material)
+    }
+
     /// Another material has another lobe.
     fn part_ways(&self, here: &Spot, there: &Spot) -> bool {
-        here.point.material != there.point.material
-            || self.crossing.tell_apart() && self.crossing.part_ways(here, there)
+        here.point.material != there.point.material || self.crossing.part_ways(here, there)
     }
 }

@@ -25,6 +25,8 @@ pub struct SampledEdits<'a> {
     camera: Camera,
     /// Of each object, whether some of it is touched.
     touches: Vec<bool>,
+    /// Of each view sample: what its rows count together.
+    amounts: Vec<f32>,
     /// Rows as they are asked for.
     pieces: Vec<OnceLock<Pieces>>,
     /// Of each offset row, irradiance that it adds, W/m²; empty for none.
@@ -40,11 +42,6 @@ pub struct Mix {
 }
 
 impl Mix {
-    /// Of all rows: how much of the edit there is.
-    pub fn amount(&self) -> f32 {
-        self.rows.iter().map(|row| row.1).sum()
-    }
-
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -80,6 +77,11 @@ impl<'a> SampledEdits<'a> {
         let pieces = (0..sampled.rows()).map(|_| OnceLock::new()).collect();
         let unseen = AtomicUsize::new(0);
         let mut touches = vec![false; geometry.objects.len()];
+        let mut amounts = vec![0.0; sampled.view.side.len()];
+        let slots = sampled.slots.iter().zip(&sampled.weights[..]).map(|(rows, weights)| rows.iter().zip(weights));
+        sampled.touched.iter().zip(slots).for_each(|(sample, slots)| {
+            amounts[*sample as usize] = slots.filter(|slot| *slot.0 != UNTOUCHED).map(|slot| slot.1).sum();
+        });
         let sides = sampled.touched.iter().map(|sample| sampled.view.side[*sample as usize]);
         sides.filter(|side| *side != NOWHERE).for_each(|side| {
             touches[geometry.object[(side / 2) as usize] as usize] = true;
@@ -91,6 +93,7 @@ impl<'a> SampledEdits<'a> {
             carried: OnceLock::new(),
             camera,
             touches,
+            amounts,
             pieces,
             added: Vec::new(),
             unseen,
@@ -124,10 +127,15 @@ impl<'a> SampledEdits<'a> {
         });
     }
 
-    /// The gather samples nearest to N places.
-    pub fn samples(&self, points: &[SurfacePoint], barycentrics: &[[f32; 2]]) -> Vec<Option<u32>> {
-        let each = points.par_iter().zip(barycentrics).with_min_len(1024);
-        each.map(|(point, at)| self.sample(point, *at)).collect()
+    /// The gather samples nearest to N places, those that are `asked` for.
+    pub fn samples(
+        &self,
+        points: &[SurfacePoint],
+        barycentrics: &[[f32; 2]],
+        asked: impl Fn(usize) -> bool + Sync,
+    ) -> Vec<Option<u32>> {
+        let each = points.par_iter().zip(barycentrics).enumerate().with_min_len(1024);
+        each.map(|(i, (point, at))| if asked(i) { self.sample(point, *at) } else { None }).collect()
     }
 
     pub fn changes_transit(&self) -> bool {
@@ -146,6 +154,15 @@ impl<'a> SampledEdits<'a> {
         let added = offset_product(incident.device, offsets, &exitance, 1)?;
         self.added = added.into_iter().map(Vec4::from_array).collect();
         Ok(())
+    }
+
+    /// How much of the edits there is at a place: what `mix` counts together.
+    pub fn amount(&self, place: &SurfacePoint) -> f32 {
+        if !place.exists() || !self.touches[place.object as usize] {
+            return 0.0;
+        }
+        let Reach { samples, weights, .. } = self.reach(place);
+        samples.iter().zip(weights).map(|(sample, share)| self.amounts[*sample as usize] * share).sum()
     }
 
     /// The rows of a place: of its three nearest view samples, each by its barycentric weight.
