@@ -82,6 +82,9 @@ impl<'a> Crossing<'a> {
         let Some(sampled) = self.by_rows() else { return procedural };
         let amounts: Vec<f32> = points.par_iter().with_min_len(256).map(|point| sampled.amount(point)).collect();
         let count = self.transits.receivers().len();
+        if count == 0 {
+            return amounts;
+        }
         let mut all = Vec::with_capacity(points.len() * (count + 1));
         for (i, amount) in amounts.into_iter().enumerate() {
             all.extend_from_slice(&procedural[i * count..][..count]);

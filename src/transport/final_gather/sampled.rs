@@ -57,12 +57,11 @@ impl<'a> SampledEdits<'a> {
             key,
             |nearest: &NearestSample| 64 * nearest.points().len() as u64,
             || {
-                let seen =
-                    sampled.view.side.iter().zip(&sampled.view.barycentrics[..]).filter(|(side, _)| **side != NOWHERE);
-                let point = |(side, at): (&u32, &[f32; 2])| {
-                    geometry.surface_point((side / 2) as usize, at[0], at[1], side % 2 == 0)
-                };
-                let seen: Vec<SurfacePoint> = seen.map(point).collect();
+                let mut sides: Vec<u32> = sampled.view.side.iter().copied().filter(|side| *side != NOWHERE).collect();
+                sides.par_sort_unstable();
+                sides.dedup();
+                let middle = |side: &u32| geometry.surface_point((side / 2) as usize, 0.33, 0.33, side % 2 == 0);
+                let seen: Vec<SurfacePoint> = sides.iter().map(middle).collect();
                 let live = live_sides(geometry, &seen, memo)?;
                 Ok(NearestSample::new(geometry, &live, &sampled.gather.side, &sampled.gather.barycentrics))
             },

@@ -10,6 +10,7 @@ use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
+use std::sync::OnceLock;
 
 /// How a keyframe knows the place of a view sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,8 +108,8 @@ pub(in crate::transport) struct Carried {
     normal: Vec<Vec3>,
     /// Distance to the next sample when it was seen, metres.
     footprint: Vec<f32>,
-    /// By object: its samples, and a tree of them.
-    objects: Vec<Option<(Vec<u32>, ImmutableKdTree<f32, 6>)>>,
+    /// By object: its samples, and a tree of them once that is asked for.
+    objects: Vec<(Vec<u32>, OnceLock<ImmutableKdTree<f32, 6>>)>,
     centre: Vec3,
     normal_scale: f32,
 }
@@ -138,18 +139,24 @@ impl Carried {
         let mut sizes: Vec<f32> = footprint.iter().copied().filter(|size| *size > 0.0).collect();
         sizes.sort_unstable_by(f32::total_cmp);
         let normal_scale = NORMAL * sizes.get(sizes.len() / 2).copied().unwrap_or(1.0);
-        let tree = |members: Vec<u32>| {
-            let place = |&i: &u32| feature(position[i as usize], normal[i as usize], centre, normal_scale);
-            let features: Vec<[f32; 6]> = members.iter().map(place).collect();
-            (!members.is_empty()).then(|| (members, ImmutableKdTree::new_from_slice(&features)))
-        };
-        let objects = members.into_par_iter().map(tree).collect();
+        let objects = members.into_iter().map(|members| (members, OnceLock::new())).collect();
         Self { position, normal, footprint, objects, centre, normal_scale }
+    }
+
+    fn tree(&self, members: &[u32]) -> ImmutableKdTree<f32, 6> {
+        let place =
+            |&i: &u32| feature(self.position[i as usize], self.normal[i as usize], self.centre, self.normal_scale);
+        let features: Vec<[f32; 6]> = members.iter().map(place).collect();
+        ImmutableKdTree::new_from_slice(&features)
     }
 
     /// `footprint`: distance between this frame's samples there.
     pub fn reach(&self, point: &SurfacePoint, footprint: f32) -> Reach {
-        let Some((members, tree)) = &self.objects[point.object as usize] else { return Reach::none(Found::Nothing) };
+        let (members, tree) = &self.objects[point.object as usize];
+        if members.is_empty() {
+            return Reach::none(Found::Nothing);
+        }
+        let tree = tree.get_or_init(|| self.tree(members));
         let (at, normal) = (Vec3::from(point.position), Vec3::from(point.normal));
         let query = feature(at, normal, self.centre, self.normal_scale);
         let count = NonZero::new(NEIGHBOURS).expect("some");
