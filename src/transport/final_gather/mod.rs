@@ -7,7 +7,7 @@
 //! gatherer    light at a place: rays over its hemisphere (hemisphere), and photons (photons) that it can see
 //! incident    light that leaves what these meet
 //! source      edits of that light; bounces: what arrives there after more than one
-//! crossing    edits on the way to a place: procedural (transit) and sampled (sampled, pieces); eye: those after that
+//! crossing    edits on the way to a place: procedural (transit) and sampled (sampled, edited_view, pieces); eye: after that
 //! cache       records, and what they say of other places (index: which of them)
 //! growth      more records, more rays
 //! estimate    how far the picture is from the truth, and where rays help
@@ -20,6 +20,7 @@
 pub mod bounces;
 pub mod cache;
 pub mod crossing;
+mod edited_view;
 pub mod estimate;
 mod eye;
 pub mod film;

@@ -1,38 +1,29 @@
 //! Sampled edits at any place, whatever view and resolution they were sampled for (thesis 5.5.3, Algorithm 12, figure 5.4):
 //! a place takes its rows from the three nearest view samples, a ray its scale from the nearest gather sample.
 
+use super::edited_view::EditedView;
 use super::incident::{Incident, Leaving};
 use super::pieces::Pieces;
 use crate::Result;
 use crate::memo::{Key, Memo};
-use crate::scene::{Camera, Geometry, SurfacePoint};
+use crate::scene::{Geometry, SurfacePoint};
 use crate::transport::gather::NearestSample;
-use crate::transport::keyframes::reproject::{ALIKE, Carried, Found, Reach, barycentric};
 use crate::transport::sampled::apply::offset_product;
 use crate::transport::sampled::{NOWHERE, Sampled, UNTOUCHED, Vectors};
 use crate::transport::sides::live_sides;
-use glam::{Vec2, Vec3, Vec4};
+use glam::Vec4;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 pub struct SampledEdits<'a> {
     geometry: &'a Geometry,
     sampled: &'a Sampled,
     nearest: Arc<NearestSample>,
-    /// For what the view did not see.
-    carried: OnceLock<Carried>,
-    camera: Camera,
-    /// Of each object, whether some of it is touched.
-    touches: Vec<bool>,
-    /// Of each view sample: what its rows count together.
-    amounts: Vec<f32>,
+    view: EditedView<'a>,
     /// Rows as they are asked for.
     pieces: Vec<OnceLock<Pieces>>,
     /// Of each offset row, irradiance that it adds, W/m²; empty for none.
     added: Vec<Vec4>,
-    /// Places that were asked about and that no view sample lies near.
-    pub unseen: AtomicUsize,
 }
 
 /// The rows of a place, and how much each counts.
@@ -60,43 +51,16 @@ impl<'a> SampledEdits<'a> {
                 let mut sides: Vec<u32> = sampled.view.side.iter().copied().filter(|side| *side != NOWHERE).collect();
                 sides.par_sort_unstable();
                 sides.dedup();
-                let middle = |side: &u32| geometry.surface_point((side / 2) as usize, 0.33, 0.33, side % 2 == 0);
+                let middle =
+                    |side: &u32| geometry.surface_point((side / 2) as usize, 0.33, 0.33, side.is_multiple_of(2));
                 let seen: Vec<SurfacePoint> = sides.iter().map(middle).collect();
                 let live = live_sides(geometry, &seen, memo)?;
                 Ok(NearestSample::new(geometry, &live, &sampled.gather.side, &sampled.gather.barycentrics))
             },
         )?;
-        let view = &sampled.origin.camera;
-        let camera = Camera {
-            name: view.name.clone(),
-            position: view.position,
-            world_from_camera: view.world_from_camera,
-            fov_y: view.fov_y,
-        };
+        let view = EditedView::new(geometry, sampled);
         let pieces = (0..sampled.rows()).map(|_| OnceLock::new()).collect();
-        let unseen = AtomicUsize::new(0);
-        let mut touches = vec![false; geometry.objects.len()];
-        let mut amounts = vec![0.0; sampled.view.side.len()];
-        let slots = sampled.slots.iter().zip(&sampled.weights[..]).map(|(rows, weights)| rows.iter().zip(weights));
-        sampled.touched.iter().zip(slots).for_each(|(sample, slots)| {
-            amounts[*sample as usize] = slots.filter(|slot| *slot.0 != UNTOUCHED).map(|slot| slot.1).sum();
-        });
-        let sides = sampled.touched.iter().map(|sample| sampled.view.side[*sample as usize]);
-        sides.filter(|side| *side != NOWHERE).for_each(|side| {
-            touches[geometry.object[(side / 2) as usize] as usize] = true;
-        });
-        Ok(Self {
-            geometry,
-            sampled,
-            nearest,
-            carried: OnceLock::new(),
-            camera,
-            touches,
-            amounts,
-            pieces,
-            added: Vec::new(),
-            unseen,
-        })
+        Ok(Self { geometry, sampled, nearest, view, pieces, added: Vec::new() })
     }
 
     /// The gather sample nearest to a hit; `None` where there is none on that side.
@@ -157,21 +121,17 @@ impl<'a> SampledEdits<'a> {
 
     /// How much of the edits there is at a place: what `mix` counts together.
     pub fn amount(&self, place: &SurfacePoint) -> f32 {
-        if !place.exists() || !self.touches[place.object as usize] {
-            return 0.0;
-        }
-        let Reach { samples, weights, .. } = self.reach(place);
-        samples.iter().zip(weights).map(|(sample, share)| self.amounts[*sample as usize] * share).sum()
+        self.view.amount(place)
     }
 
     /// The rows of a place: of its three nearest view samples, each by its barycentric weight.
     pub fn mix(&self, place: &SurfacePoint) -> Mix {
         let mut mix = Mix::default();
         // Rows of a place are those of its own object.
-        if !place.exists() || !self.touches[place.object as usize] {
+        if !place.exists() || !self.view.touches(place.object) {
             return mix;
         }
-        let reach = self.reach(place);
+        let reach = self.view.reach(place);
         for (sample, share) in reach.samples.into_iter().zip(reach.weights).filter(|(_, share)| *share > 0.0) {
             let Ok(touched) = self.sampled.touched.binary_search(&sample) else { continue };
             for (row, weight) in self.sampled.slots[touched].into_iter().zip(self.sampled.weights[touched]) {
@@ -207,7 +167,7 @@ impl<'a> SampledEdits<'a> {
             return;
         }
         radiance.par_iter_mut().zip(points).with_min_len(1024).for_each(|(light, point)| {
-            let reach = self.reach(point);
+            let reach = self.view.reach(point);
             let (mut scale, mut offset, mut all) = (Vec4::ZERO, Vec4::ZERO, 0.0);
             for (sample, share) in reach.samples.into_iter().zip(reach.weights) {
                 let (s, o) = at(eye, Some(sample));
@@ -217,62 +177,6 @@ impl<'a> SampledEdits<'a> {
                 *light = (Vec4::from_array(*light) * scale + offset).to_array();
             }
         });
-    }
-
-    /// The three view samples of the same object, turned alike, that are nearest to a place. Those that the edits' own
-    /// camera saw beside it are looked at first.
-    fn reach(&self, place: &SurfacePoint) -> Reach {
-        if !place.exists() {
-            return Reach::none(Found::NoSurface);
-        }
-        let origin = &self.sampled.origin;
-        let (width, height) = (origin.width * origin.across, origin.height * origin.down);
-        let (at, normal) = (Vec3::from(place.position), Vec3::from(place.normal));
-        let seen = self.camera.project(at, Vec2::new(width as f32, height as f32));
-        let mut near = [(f32::INFINITY, 0u32); 3];
-        let mut widest = 0.0f32;
-        if let Some((pixel, _)) = seen {
-            let (x, y) = (pixel.x.floor() as i64, pixel.y.floor() as i64);
-            for (i, j) in (-1..=1).flat_map(|j| (-1..=1).map(move |i| (x + i, y + j))) {
-                if i < 0 || j < 0 || i >= width as i64 || j >= height as i64 {
-                    continue;
-                }
-                let sample = self.number(i as usize, j as usize);
-                let side = self.sampled.view.side[sample];
-                let is_same = side != NOWHERE
-                    && self.geometry.object[(side / 2) as usize] == place.object
-                    && Vec3::from(self.sampled.view.normal[sample]).dot(normal) >= ALIKE;
-                if !is_same {
-                    continue;
-                }
-                let away = Vec3::from(self.sampled.view.position[sample]).distance_squared(at);
-                widest = widest.max(away);
-                let mut new = (away, sample as u32);
-                for known in &mut near {
-                    if new.0 < known.0 {
-                        std::mem::swap(known, &mut new);
-                    }
-                }
-            }
-        }
-        // What lies behind what the camera saw there is not what it saw.
-        if near[2].0.is_finite() && near[0].0 <= 0.5 * widest {
-            let samples = near.map(|near| near.1);
-            let weights = barycentric(at, normal, samples.map(|i| self.sampled.view.position[i as usize].into()));
-            return Reach { found: Found::Seen, samples, weights };
-        }
-        let reach = self.carried.get_or_init(|| Carried::new(self.geometry, self.sampled)).reach(place, f32::INFINITY);
-        if reach.found == Found::Nothing {
-            self.unseen.fetch_add(1, Ordering::Relaxed);
-        }
-        reach
-    }
-
-    /// Of a place of the grid of samples, in their order.
-    fn number(&self, x: usize, y: usize) -> usize {
-        let origin = &self.sampled.origin;
-        let pixel = y / origin.down * origin.width + x / origin.across;
-        pixel * origin.across * origin.down + y % origin.down * origin.across + x % origin.across
     }
 }
 
