@@ -36,8 +36,8 @@ pub struct FinalGather {
     #[schemars(range(min = 1, max = 64))]
     pub bounces: u32,
     /// Greatest error that a place of the irradiance cache may have where it counts (`a` of Ward et al. 1988) in the first
-    /// picture; finer ones follow. 0: no cache, light is gathered at every sample.
-    #[schemars(range(min = 0.0, max = 1.0))]
+    /// picture; finer ones follow. At 0.01, about every pixel gathers for itself.
+    #[schemars(range(min = 0.01, max = 1.0))]
     pub cache_error: f32,
     /// Shadow rays a pixel towards surfaces and rectangles that emit.
     #[schemars(range(min = 1, max = 4096))]
@@ -134,11 +134,14 @@ impl Node for FinalGather {
                     }
                 }
                 Err(Error::Cancelled) if job.keeps_best && renderer.passes() > 0 => {
-                    let (error, asked) = (100.0 * renderer.estimate.error(), 100.0 * self.tolerance);
-                    let passes = (renderer.passes(), self.samples_per_pixel);
+                    let error = match renderer.estimate.error() {
+                        error if error.is_finite() => format!("at an error of {:.1} %", 100.0 * error),
+                        _ => "before its error was known".to_owned(),
+                    };
+                    let (passes, asked) = (renderer.passes(), 100.0 * self.tolerance);
+                    let all = self.samples_per_pixel;
                     job.stopped_short(format!(
-                        "stopped at an error of {error:.1} % ({asked:.1} % asked) and {} of {} samples a pixel",
-                        passes.0, passes.1
+                        "stopped {error} ({asked:.1} % asked), at {passes} of {all} samples a pixel"
                     ));
                     break;
                 }

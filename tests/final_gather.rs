@@ -328,15 +328,35 @@ fn what_cannot_be_rendered_is_refused_by_name() {
         "type": "final_gather", "inputs": { "scene": "room" }
     } }));
     assert!(none.find("out").is_some());
-    for (name, value) in [("samples_per_pixel", 0), ("width", 0), ("rays", 0), ("bounces", 0)] {
+    for name in ["samples_per_pixel", "width", "rays", "bounces", "cache_error", "tolerance"] {
         let text = json!({ "chiaro": 1, "nodes": {
             "room": scene("builtin:room"),
-            "out": { "type": "final_gather", "params": { name: value }, "inputs": { "scene": "room" } },
+            "out": { "type": "final_gather", "params": { name: 0 }, "inputs": { "scene": "room" } },
         } });
         let document = Document::parse(Path::new("test.json"), &text.to_string()).unwrap();
-        let Err(error) = Plan::new(&document, nodes::ALL) else { panic!("{name} of {value} is taken") };
+        let Err(error) = Plan::new(&document, nodes::ALL) else { panic!("{name} of 0 is taken") };
         assert!(format!("{error:?}").contains(name), "{error:?}");
     }
+}
+
+/// What the cache interpolates is what every pixel finds when it gathers for itself.
+#[test]
+fn interpolated_light_is_gathered_light() {
+    let of = |cache_error: f64, tolerance: f64| {
+        let params = json!({ "width": 96, "height": 72, "samples_per_pixel": 1, "tolerance": tolerance,
+                             "cache_error": cache_error });
+        let plan = room::recipe(json!({ "out": {
+            "type": "final_gather", "params": params, "inputs": { "scene": "room" }
+        } }));
+        let context = Context::SILENT;
+        let (image, report) = evaluated(&plan, "out", &context).unwrap();
+        (image, report.notes["records"].as_u64().unwrap())
+    };
+    let ((each, places), (few, records)) = (of(0.01, 0.02), of(0.5, 0.05));
+    assert!(places > 4000 && 2 * records < places, "{places} and {records} records");
+    let apart = apart(&each, &few);
+    println!("{records} places stand for {places}: {:.2} % apart", 100.0 * apart);
+    assert!(apart < 0.05 && apart > 1e-4, "{apart}");
 }
 
 #[test]

@@ -20,7 +20,6 @@ use node::{At, image, run_at};
 use serde_json::{Value as Json, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
