@@ -130,20 +130,24 @@ impl<'a> Cache<'a> {
         (self.error, self.pixels) = (error, pixels);
     }
 
-    /// Adds records, and lets all of them see each other's distances.
-    pub fn extend(&mut self, records: Vec<Record>, receivers: Vec<f32>, light: Vec<Gradients>) {
+    /// Adds records, and lets all of them see each other's distances; where old ones are `settled`, new ones alone see
+    /// them. `refresh` when no more come.
+    pub fn extend(&mut self, records: Vec<Record>, receivers: Vec<f32>, light: Vec<Gradients>, settled: bool) {
         debug_assert_eq!(light.len(), records.len() * self.parts());
         let old = self.records.len();
         self.records.extend(records);
         self.receivers.extend(receivers);
         self.light.extend(light);
-        self.refresh();
-        self.clamp(old);
-        self.refresh();
+        let changing = if settled { old } else { 0 };
+        self.reshape(changing);
+        self.reindex();
+        self.clamp(changing, old);
+        // The index still holds each record where it counts, and where it did.
+        self.reshape(changing);
     }
 
-    /// `R_i` of all that counts where records from `new` on lie, and of these themselves.
-    fn clamp(&mut self, new: usize) {
+    /// `R_i` of records from `changing` on that count where those from `new` on lie, and of these themselves.
+    fn clamp(&mut self, changing: usize, new: usize) {
         let records = &self.records;
         let limited = |i: usize| {
             let here = &records[i];
@@ -158,15 +162,22 @@ impl<'a> Cache<'a> {
             });
             radius
         };
-        let radii: Vec<f32> = (0..records.len()).into_par_iter().with_min_len(64).map(limited).collect();
-        self.records.iter_mut().zip(radii).for_each(|(record, radius)| record.radius = radius);
+        let radii: Vec<f32> = (changing..records.len()).into_par_iter().with_min_len(64).map(limited).collect();
+        self.records[changing..].iter_mut().zip(radii).for_each(|(record, radius)| record.radius = radius);
     }
 
     /// Makes look-ups follow the records.
     pub fn refresh(&mut self) {
+        self.reshape(0);
+        self.reindex();
+    }
+
+    /// Shapes of records from `first` on.
+    fn reshape(&mut self, first: usize) {
         let (error, pixels) = (self.error, self.pixels);
         let parts = self.parts();
         let shape = |(number, light): (usize, &[Gradients])| {
+            let number = first + number;
             let record = &self.records[number];
             let radius = record.radius.max(pixels * record.footprint / error).max(1e-20);
             Shape {
@@ -180,7 +191,13 @@ impl<'a> Cache<'a> {
                 kind: self.edits.kind(&self.spot(number)),
             }
         };
-        self.shapes = self.light.par_chunks(parts).enumerate().with_min_len(1024).map(shape).collect();
+        let light = self.light[first * parts..].par_chunks(parts);
+        let shapes: Vec<Shape> = light.enumerate().with_min_len(1024).map(shape).collect();
+        self.shapes.truncate(first);
+        self.shapes.extend(shapes);
+    }
+
+    fn reindex(&mut self) {
         let spheres: Vec<(Vec3, f32)> = self.shapes.iter().map(|s| (s.position, s.reach2.sqrt())).collect();
         self.index = Index::new(&spheres);
     }

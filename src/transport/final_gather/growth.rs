@@ -34,6 +34,20 @@ pub struct Told {
     pub tested: usize,
 }
 
+/// What is to be covered, and how.
+pub struct Asked<'a> {
+    pub view: View<'a>,
+    /// The cache as it was when it covered such a picture: it says how many rays a place needs, and is held against what is
+    /// found there.
+    pub before: Option<&'a Cache<'a>>,
+    /// Of a place, where nothing is known.
+    pub rays: u32,
+    /// See `Placement`.
+    pub share: f32,
+    /// What is in the cache stays as it is: only gaps are filled.
+    pub settled: bool,
+}
+
 /// Who gathers, and for which picture.
 pub struct Growth<'a> {
     pub gatherer: &'a dyn Gathers,
@@ -43,22 +57,15 @@ pub struct Growth<'a> {
 }
 
 impl Growth<'_> {
-    /// Adds records until all points of a picture are covered. `before`: the cache as it was when it covered such a picture;
-    /// it says how many rays a place needs, and is held against what is found there. `rays`: where nothing is known; `share`:
-    /// see `Placement`.
-    pub fn cover(
-        &self,
-        cache: &mut Cache,
-        before: Option<&Cache>,
-        view: View,
-        (rays, share): (u32, f32),
-        stage: &Stage,
-    ) -> Result<Told> {
-        let mut placement = Placement::new(view, share, before.is_some());
+    /// Adds records until all points of a picture are covered.
+    pub fn cover(&self, cache: &mut Cache, asked: Asked, stage: &Stage) -> Result<Told> {
+        let Asked { view, before, rays, .. } = asked;
+        let mut placement = Placement::new(view, asked.share, before.is_some(), asked.settled);
         let mut told = Told::default();
         loop {
             let next = placement.next(cache);
             if next.is_empty() {
+                cache.refresh();
                 return Ok(told);
             }
             let mut fresh = (Vec::new(), Vec::new(), Vec::new());
@@ -92,7 +99,7 @@ impl Growth<'_> {
                 fresh.1.extend(receivers);
                 fresh.2.extend(light.into_iter().flatten());
             }
-            cache.extend(fresh.0, fresh.1, fresh.2);
+            cache.extend(fresh.0, fresh.1, fresh.2, asked.settled);
         }
     }
 

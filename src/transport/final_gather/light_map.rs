@@ -2,7 +2,7 @@
 
 use super::cache::{Cache, Receivers};
 use super::estimate::{Demand, Estimate};
-use super::growth::{FEWEST, Growth, OVERLAP};
+use super::growth::{Asked, FEWEST, Growth, OVERLAP};
 use super::placement::View;
 use crate::Result;
 use crate::progress::Progress;
@@ -60,7 +60,8 @@ impl<'a> LightMap<'a> {
     /// Something of the light for all of a picture.
     pub fn start(&mut self, seeing: &Seeing, progress: &Progress) -> Result<()> {
         let stage = progress.stage("a first picture", seeing.view.points.len() as u64);
-        self.growth.cover(&mut self.cache, None, seeing.view, (2 * FEWEST, 1.0), &stage)?;
+        let asked = Asked { view: seeing.view, before: None, rays: 2 * FEWEST, share: 1.0, settled: false };
+        self.growth.cover(&mut self.cache, asked, &stage)?;
         // The first estimate of interpolation comes with the first finer cache.
         self.estimate.interpolation = f64::INFINITY;
         self.assess(seeing);
@@ -124,7 +125,9 @@ impl<'a> LightMap<'a> {
         self.cache.refresh();
         let rays: u64 = before.records.iter().map(|record| u64::from(record.rays)).sum();
         let stage = progress.stage("finer interpolation", rays);
-        match self.growth.cover(&mut self.cache, Some(&before), seeing.view, (2 * FEWEST, OVERLAP), &stage) {
+        let view = seeing.view;
+        let asked = Asked { view, before: Some(&before), rays: 2 * FEWEST, share: OVERLAP, settled: false };
+        match self.growth.cover(&mut self.cache, asked, &stage) {
             Ok(told) => {
                 self.is_spent &= told.added == 0;
                 let off = (told.off / 3.0 / told.tested.max(1) as f64).max(0.0);
@@ -146,7 +149,9 @@ impl<'a> LightMap<'a> {
         let stage = progress.stage("antialiasing", view.points.len() as u64);
         let all: u64 = before.records.iter().map(|record| u64::from(record.rays)).sum();
         let rays = (all / before.records.len().max(1) as u64) as u32;
-        self.growth.cover(&mut self.cache, Some(&before), view, (rays.max(2 * FEWEST), 1.0), &stage)?;
+        let rays = rays.max(2 * FEWEST);
+        let asked = Asked { view, before: Some(&before), rays, share: 1.0, settled: true };
+        self.growth.cover(&mut self.cache, asked, &stage)?;
         Ok(())
     }
 

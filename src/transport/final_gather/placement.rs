@@ -9,6 +9,8 @@ use rayon::prelude::*;
 
 /// Pixels along a side of the first blocks.
 const COARSEST: usize = 32;
+/// Of those in which one of what is left open gets a record; they are halved round by round.
+const LARGEST: usize = 8;
 /// Times that all is looked at before what is left then is taken whole.
 const ROUNDS: usize = 3;
 
@@ -33,17 +35,21 @@ impl<'a> View<'a> {
 pub struct Placement<'a> {
     view: View<'a>,
     share: f32,
+    is_settled: bool,
     step: usize,
     rounds: usize,
+    /// Pixels along a side of the blocks of a round.
+    block: usize,
     /// Pixels that were not covered when last looked at; `None`: all are to be looked at.
     open: Option<Vec<usize>>,
 }
 
 impl<'a> Placement<'a> {
     /// `share`: of the error that the cache allows, what makes a pixel covered. `is_known`: the cache was filled for such a
-    /// picture already, and only gaps are looked for.
-    pub fn new(view: View<'a>, share: f32, is_known: bool) -> Self {
-        Self { view, share, step: if is_known { 1 } else { COARSEST }, rounds: 0, open: None }
+    /// picture already, and only gaps are looked for. `is_settled`: what is covered once stays so.
+    pub fn new(view: View<'a>, share: f32, is_known: bool, is_settled: bool) -> Self {
+        let step = if is_known { 1 } else { COARSEST };
+        Self { view, share, is_settled, step, rounds: 0, block: LARGEST, open: None }
     }
 
     /// Numbers of the pixels that get records next; nothing when all are covered.
@@ -56,16 +62,18 @@ impl<'a> Placement<'a> {
                 return found;
             }
         }
-        let left = self.open.take().map(|open| self.still_open(cache, open)).filter(|left| !left.is_empty());
+        let left = self.open.take().map(|open| self.still_open(cache, open));
+        let left = left.filter(|left| !left.is_empty() || self.is_settled);
         // New records may have made old ones count less far: all is looked at once more before the end.
         let left = left.unwrap_or_else(|| {
-            self.rounds += 1;
+            (self.rounds, self.block) = (self.rounds + 1, LARGEST);
             self.still_open(cache, (0..self.view.points.len()).collect())
         });
         if self.rounds > ROUNDS {
             return left;
         }
         let next = self.thinned(&left);
+        self.block = (self.block / 2).max(1);
         self.open = Some(left);
         next
     }
@@ -90,11 +98,10 @@ impl<'a> Placement<'a> {
         pixels.into_par_iter().with_min_len(1024).filter(|pixel| self.is_open(cache, *pixel)).collect()
     }
 
-    /// One of each block of 8 x 8 pixels, another in every round.
+    /// One of each block of pixels.
     fn thinned(&self, open: &[usize]) -> Vec<usize> {
-        const BLOCK: usize = 8;
-        let width = self.view.width;
-        let block = |pixel: usize| (pixel / width / BLOCK, pixel % width / BLOCK);
+        let (width, size) = (self.view.width, self.block);
+        let block = |pixel: usize| (pixel / width / size, pixel % width / size);
         let mut sorted: Vec<usize> = open.to_vec();
         sorted.par_sort_unstable_by_key(|&pixel| (block(pixel), pixel));
         let middle = |run: &[usize]| run[run.len() / 2];
