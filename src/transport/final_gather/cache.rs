@@ -16,6 +16,7 @@ use super::index::Index;
 use crate::scene::SurfacePoint;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A place of the cache, and what was gathered there.
 #[derive(Clone, Copy, Debug)]
@@ -146,24 +147,25 @@ impl<'a> Cache<'a> {
         self.reshape(changing);
     }
 
-    /// `R_i` of records from `changing` on that count where those from `new` on lie, and of these themselves.
+    /// `R_i` of records from `changing` on, by the distances of all that lie where they count; those before `new` have seen
+    /// each other.
     fn clamp(&mut self, changing: usize, new: usize) {
         let records = &self.records;
-        let limited = |i: usize| {
-            let here = &records[i];
-            let at = Vec3::from(here.place.position);
-            let mut radius = here.radius;
+        // Of positive numbers, the bits are in their order.
+        let radii: Vec<AtomicU32> = records.iter().map(|record| AtomicU32::new(record.radius.to_bits())).collect();
+        records.par_iter().enumerate().with_min_len(64).for_each(|(number, there)| {
+            let at = Vec3::from(there.place.position);
             self.index.near(at, |other| {
-                if (other as usize >= new || i >= new) && other as usize != i {
-                    let there = &records[other as usize];
-                    radius = radius.min(there.radius + at.distance(there.place.position.into()));
+                let i = other as usize;
+                if i >= changing && (i >= new || number >= new) && i != number {
+                    let radius = there.radius + at.distance(records[i].place.position.into());
+                    radii[i].fetch_min(radius.to_bits(), Ordering::Relaxed);
                 }
                 true
             });
-            radius
-        };
-        let radii: Vec<f32> = (changing..records.len()).into_par_iter().with_min_len(64).map(limited).collect();
-        self.records[changing..].iter_mut().zip(radii).for_each(|(record, radius)| record.radius = radius);
+        });
+        let radii = radii.into_iter().map(|radius| f32::from_bits(radius.into_inner()));
+        self.records.iter_mut().zip(radii).for_each(|(record, radius)| record.radius = radius);
     }
 
     /// Makes look-ups follow the records.

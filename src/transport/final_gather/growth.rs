@@ -44,8 +44,8 @@ pub struct Asked<'a> {
     pub rays: u32,
     /// See `Placement`.
     pub share: f32,
-    /// What is in the cache stays as it is: only gaps are filled.
-    pub settled: bool,
+    /// The only pixels that are not covered, where all that is in the cache stays as it is.
+    pub gaps: Option<Vec<usize>>,
 }
 
 /// Who gathers, and for which picture.
@@ -59,8 +59,12 @@ pub struct Growth<'a> {
 impl Growth<'_> {
     /// Adds records until all points of a picture are covered.
     pub fn cover(&self, cache: &mut Cache, asked: Asked, stage: &Stage) -> Result<Told> {
-        let Asked { view, before, rays, .. } = asked;
-        let mut placement = Placement::new(view, asked.share, before.is_some(), asked.settled);
+        let Asked { view, before, rays, share, gaps } = asked;
+        let is_settled = gaps.is_some();
+        let mut placement = match gaps {
+            Some(gaps) => Placement::of_gaps(view, gaps),
+            None => Placement::new(view, share, before.is_some()),
+        };
         let mut told = Told::default();
         loop {
             let next = placement.next(cache);
@@ -99,7 +103,7 @@ impl Growth<'_> {
                 fresh.1.extend(receivers);
                 fresh.2.extend(light.into_iter().flatten());
             }
-            cache.extend(fresh.0, fresh.1, fresh.2, asked.settled);
+            cache.extend(fresh.0, fresh.1, fresh.2, is_settled);
         }
     }
 

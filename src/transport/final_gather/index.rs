@@ -4,7 +4,7 @@
 //! A record lies in the grid whose cells are at least as wide as the sphere that it holds in, so in at most eight cells;
 //! a place lies in one cell of each grid. Deterministic: it depends on the spheres and their order alone.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 /// Bits of a cell's number along an axis; one grid a bit, and one more.
@@ -19,6 +19,8 @@ pub struct Index {
     levels: Vec<u32>,
     /// Open addressing: key (0: empty), first, and count in `records`.
     table: Vec<(u64, u32, u32)>,
+    /// Cell by cell: centre and squared radius, by themselves so that those that do not reach a place cost little.
+    spheres: Vec<Vec4>,
     records: Vec<u32>,
 }
 
@@ -48,12 +50,17 @@ impl Index {
             index.table[slot] = (key, first, run.len() as u32);
             first += run.len() as u32;
         }
+        let sphere = |cell: &(u64, u32)| {
+            let (centre, radius) = spheres[cell.1 as usize];
+            centre.extend(radius * radius)
+        };
+        index.spheres = cells.par_iter().with_min_len(4096).map(sphere).collect();
         index.records = cells.into_iter().map(|cell| cell.1).collect();
         index.levels = (0..=BITS).filter(|level| seen >> level & 1 == 1).collect();
         index
     }
 
-    /// Calls `visit` with every record whose sphere holds the place, and some others; each once. False ends it.
+    /// Calls `visit` with every record whose sphere holds the place, each once. False ends it.
     #[inline]
     pub fn near(&self, place: Vec3, mut visit: impl FnMut(u32) -> bool) {
         for &level in &self.levels {
@@ -61,9 +68,13 @@ impl Index {
             let mut slot = self.slot(key);
             loop {
                 let (found, first, count) = self.table[slot];
-                let of_cell = || &self.records[first as usize..][..count as usize];
-                if found == key && !of_cell().iter().all(|&record| visit(record)) {
-                    return;
+                if found == key {
+                    let range = first as usize..(first + count) as usize;
+                    for (sphere, record) in self.spheres[range.clone()].iter().zip(&self.records[range]) {
+                        if sphere.truncate().distance_squared(place) < sphere.w && !visit(*record) {
+                            return;
+                        }
+                    }
                 }
                 if found == key || found == 0 {
                     break;
@@ -86,7 +97,16 @@ impl Index {
         let level = fits.clamp(0.0, BITS as f32) as u32;
         let (first, last) = (self.cell(level, *centre - *radius), self.cell(level, *centre + *radius));
         let within = move |axis: usize| first[axis]..=last[axis];
-        within(2).flat_map(move |z| within(1).flat_map(move |y| within(0).map(move |x| key(level, [x, y, z]))))
+        let all = within(2).flat_map(move |z| within(1).flat_map(move |y| within(0).map(move |x| [x, y, z])));
+        // What lies outside of the grid belongs to its outermost cells: these are never left out.
+        let (side, edge) = (self.width / (1u64 << level) as f32, (1u64 << level) - 1);
+        let (centre, reach2) = (*centre - self.low, radius * radius * 1.001);
+        let touches = move |cell: &[u64; 3]| {
+            let low = Vec3::from(cell.map(|x| x as f32)) * side;
+            let by = centre - centre.clamp(low, low + side);
+            by.length_squared() <= reach2 || cell.iter().any(|x| *x == 0 || *x == edge)
+        };
+        all.filter(touches).map(move |cell| key(level, cell))
     }
 
     fn slot(&self, key: u64) -> usize {

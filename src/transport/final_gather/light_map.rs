@@ -1,11 +1,13 @@
 //! One kind of light over a picture, as a cache that is refined: irradiance, or what glossy surfaces reflect.
 
-use super::cache::{Cache, Receivers};
+use super::cache::{Cache, Found, Receivers};
 use super::estimate::{Demand, Estimate};
 use super::growth::{Asked, FEWEST, Growth, OVERLAP};
 use super::placement::View;
 use crate::Result;
 use crate::progress::Progress;
+use glam::Vec4;
+use rayon::prelude::*;
 
 /// How much the cache's error is lowered at once.
 const FINER: f32 = std::f32::consts::FRAC_1_SQRT_2;
@@ -60,7 +62,7 @@ impl<'a> LightMap<'a> {
     /// Something of the light for all of a picture.
     pub fn start(&mut self, seeing: &Seeing, progress: &Progress) -> Result<()> {
         let stage = progress.stage("a first picture", seeing.view.points.len() as u64);
-        let asked = Asked { view: seeing.view, before: None, rays: 2 * FEWEST, share: 1.0, settled: false };
+        let asked = Asked { view: seeing.view, before: None, rays: 2 * FEWEST, share: 1.0, gaps: None };
         self.growth.cover(&mut self.cache, asked, &stage)?;
         // The first estimate of interpolation comes with the first finer cache.
         self.estimate.interpolation = f64::INFINITY;
@@ -126,7 +128,7 @@ impl<'a> LightMap<'a> {
         let rays: u64 = before.records.iter().map(|record| u64::from(record.rays)).sum();
         let stage = progress.stage("finer interpolation", rays);
         let view = seeing.view;
-        let asked = Asked { view, before: Some(&before), rays: 2 * FEWEST, share: OVERLAP, settled: false };
+        let asked = Asked { view, before: Some(&before), rays: 2 * FEWEST, share: OVERLAP, gaps: None };
         match self.growth.cover(&mut self.cache, asked, &stage) {
             Ok(told) => {
                 self.is_spent &= told.added == 0;
@@ -143,16 +145,28 @@ impl<'a> LightMap<'a> {
         }
     }
 
-    /// Fills the gaps that another pass over the picture looks into.
-    pub fn fill(&mut self, view: View, progress: &Progress) -> Result<()> {
-        let before = self.cache.clone();
-        let stage = progress.stage("antialiasing", view.points.len() as u64);
-        let all: u64 = before.records.iter().map(|record| u64::from(record.rays)).sum();
-        let rays = (all / before.records.len().max(1) as u64) as u32;
-        let rays = rays.max(2 * FEWEST);
-        let asked = Asked { view, before: Some(&before), rays, share: 1.0, settled: true };
+    /// The light of each pixel.
+    pub fn light(&self, view: &View) -> Vec<Vec4> {
+        self.found(view).into_iter().map(|found| found.light).collect()
+    }
+
+    /// The light of each pixel of another pass over the picture, whose gaps get records.
+    pub fn fill(&mut self, view: View, progress: &Progress) -> Result<Vec<Vec4>> {
+        let mut found = self.found(&view);
+        let is_gap = |pixel: &usize| found[*pixel].weight == 0.0 && view.points[*pixel].exists();
+        let gaps: Vec<usize> = (0..found.len()).filter(is_gap).collect();
+        let all: u64 = self.cache.records.iter().map(|record| u64::from(record.rays)).sum();
+        let rays = ((all / self.cache.records.len().max(1) as u64) as u32).max(2 * FEWEST);
+        let stage = progress.stage("antialiasing", gaps.len() as u64 * u64::from(rays));
+        let asked = Asked { view, before: None, rays, share: 1.0, gaps: Some(gaps.clone()) };
         self.growth.cover(&mut self.cache, asked, &stage)?;
-        Ok(())
+        gaps.into_iter().for_each(|pixel| found[pixel] = self.cache.look_up(&view.spot(pixel)));
+        Ok(found.into_iter().map(|found| found.light).collect())
+    }
+
+    fn found(&self, view: &View) -> Vec<Found> {
+        let pixels = (0..view.points.len()).into_par_iter().with_min_len(256);
+        pixels.map(|pixel| self.cache.look_up(&view.spot(pixel))).collect()
     }
 
     fn assess(&mut self, seeing: &Seeing) {

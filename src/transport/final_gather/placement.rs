@@ -46,10 +46,15 @@ pub struct Placement<'a> {
 
 impl<'a> Placement<'a> {
     /// `share`: of the error that the cache allows, what makes a pixel covered. `is_known`: the cache was filled for such a
-    /// picture already, and only gaps are looked for. `is_settled`: what is covered once stays so.
-    pub fn new(view: View<'a>, share: f32, is_known: bool, is_settled: bool) -> Self {
+    /// picture already, and only gaps are looked for.
+    pub fn new(view: View<'a>, share: f32, is_known: bool) -> Self {
         let step = if is_known { 1 } else { COARSEST };
-        Self { view, share, is_settled, step, rounds: 0, block: LARGEST, open: None }
+        Self { view, share, is_settled: false, step, rounds: 0, block: LARGEST, open: None }
+    }
+
+    /// All other pixels are covered, and stay so.
+    pub fn of_gaps(view: View<'a>, gaps: Vec<usize>) -> Self {
+        Self { is_settled: true, open: Some(gaps), ..Self::new(view, 1.0, true) }
     }
 
     /// Numbers of the pixels that get records next; nothing when all are covered.

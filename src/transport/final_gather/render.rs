@@ -145,7 +145,7 @@ impl<'a> Renderer<'a> {
         match &self.first {
             Some(first) => {
                 let mut film = Film::new(self.seen.camera, first.shining.len());
-                self.expose(&mut film, first);
+                self.expose_first(&mut film, first);
                 Some(film.layers())
             }
             None => (self.film.passes() > 0).then(|| self.film.layers()),
@@ -207,7 +207,7 @@ impl<'a> Renderer<'a> {
         if !improved? {
             let first = self.first.take().expect("just put there");
             let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
-            self.expose(&mut film, &first);
+            self.expose_first(&mut film, &first);
             self.film = film;
             self.phase = if self.settings.samples_per_pixel > 1 { Phase::Smooth } else { Phase::Done };
         }
@@ -248,12 +248,13 @@ impl<'a> Renderer<'a> {
     /// One more sample of each pixel.
     fn smooth(&mut self, progress: &Progress) -> Result<()> {
         let pass = self.pass(self.film.passes())?;
-        self.diffuse.fill(diffuse(&pass).view, progress)?;
-        if let Some(glossy) = &mut self.glossy {
-            glossy.fill(shining(&pass, &[]).view, progress)?;
-        }
+        let light = self.diffuse.fill(diffuse(&pass).view, progress)?;
+        let reflected = match &mut self.glossy {
+            Some(glossy) => glossy.fill(shining(&pass, &[]).view, progress)?,
+            None => Vec::new(),
+        };
         let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
-        self.expose(&mut film, &pass);
+        self.expose(&mut film, &pass, &light, &reflected);
         self.film = film;
         if self.film.passes() >= self.settings.samples_per_pixel as usize {
             self.phase = Phase::Done;
@@ -275,20 +276,23 @@ impl<'a> Renderer<'a> {
         self.estimate = Estimate { noise: all.noise / mean, interpolation: all.interpolation / mean, ..all };
     }
 
-    /// Adds a pass to a film, in the light of both maps.
-    fn expose(&self, film: &mut Film, first: &First) {
-        let view = diffuse(first).view;
-        let reflected = shining(first, &[]).view;
+    /// Adds the first pass to a film, in the light of both maps.
+    fn expose_first(&self, film: &mut Film, first: &First) {
+        let reflected = self.glossy.as_ref().map(|glossy| glossy.light(&shining(first, &[]).view));
+        self.expose(film, first, &self.diffuse.light(&diffuse(first).view), &reflected.unwrap_or_default());
+    }
+
+    /// `light`: of each pixel, as the maps have it; `reflected`: empty where nothing shines.
+    fn expose(&self, film: &mut Film, pass: &First, light: &[Vec4], reflected: &[Vec4]) {
         let radiance = |pixel: usize| {
-            let found = self.diffuse.cache.look_up(&view.spot(pixel)).light;
-            let mut light = found * Vec4::from_array(first.pass.diffuse[pixel]);
-            if let Some(glossy) = self.glossy.as_ref().filter(|_| first.shining[pixel].exists()) {
-                light += glossy.cache.look_up(&reflected.spot(pixel)).light;
+            let mut all = light[pixel] * Vec4::from_array(pass.pass.diffuse[pixel]);
+            if pass.shining[pixel].exists() {
+                all += reflected[pixel];
             }
-            light.with_w(0.0).to_array()
+            all.with_w(0.0).to_array()
         };
-        let pixels = (0..view.points.len()).into_par_iter().with_min_len(256);
-        self.seen.expose(film, &first.pass, self.light.crossing, pixels.map(radiance).collect());
+        let pixels = (0..light.len()).into_par_iter().with_min_len(256);
+        self.seen.expose(film, &pass.pass, self.light.crossing, pixels.map(radiance).collect());
     }
 
     fn pass(&self, number: usize) -> Result<First> {
