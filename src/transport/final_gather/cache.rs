@@ -73,8 +73,11 @@ pub struct Cache<'a> {
     pub records: Vec<Record>,
     /// Weights of receivers, those of a record one after another.
     pub receivers: Vec<f32>,
-    /// Of each record: its light, and the derivative by each receiver's weight.
+    /// Of each record.
     pub light: Vec<Gradients>,
+    /// Derivatives of the light by each receiver's weight, those of a record one after another; by themselves, since most
+    /// places do not ask for them.
+    changes: Vec<Gradients>,
     shapes: Vec<Shape>,
     index: Index,
 }
@@ -107,6 +110,7 @@ impl<'a> Cache<'a> {
             records: Vec::new(),
             receivers: Vec::new(),
             light: Vec::new(),
+            changes: Vec::new(),
             shapes: Vec::new(),
             index: Index::default(),
         }
@@ -114,11 +118,6 @@ impl<'a> Cache<'a> {
 
     pub fn error(&self) -> f32 {
         self.error
-    }
-
-    /// Parts of light that each record has.
-    pub fn parts(&self) -> usize {
-        1 + self.edits.count()
     }
 
     pub fn spot(&self, record: usize) -> Spot<'_> {
@@ -132,13 +131,15 @@ impl<'a> Cache<'a> {
     }
 
     /// Adds records, and lets all of them see each other's distances; where old ones are `settled`, new ones alone see
-    /// them. `refresh` when no more come.
-    pub fn extend(&mut self, records: Vec<Record>, receivers: Vec<f32>, light: Vec<Gradients>, settled: bool) {
-        debug_assert_eq!(light.len(), records.len() * self.parts());
+    /// them. `refresh` when no more come. `light`: of each record, and its derivatives.
+    pub fn extend(&mut self, records: Vec<Record>, receivers: Vec<f32>, light: Vec<Vec<Gradients>>, settled: bool) {
         let old = self.records.len();
         self.records.extend(records);
         self.receivers.extend(receivers);
-        self.light.extend(light);
+        for parts in light {
+            self.light.push(parts[0]);
+            self.changes.extend_from_slice(&parts[1..]);
+        }
         let changing = if settled { old } else { 0 };
         self.reshape(changing);
         self.reindex();
@@ -177,8 +178,7 @@ impl<'a> Cache<'a> {
     /// Shapes of records from `first` on.
     fn reshape(&mut self, first: usize) {
         let (error, pixels) = (self.error, self.pixels);
-        let parts = self.parts();
-        let shape = |(number, light): (usize, &[Gradients])| {
+        let shape = |(number, light): (usize, &Gradients)| {
             let number = first + number;
             let record = &self.records[number];
             let radius = record.radius.max(pixels * record.footprint / error).max(1e-20);
@@ -187,13 +187,13 @@ impl<'a> Cache<'a> {
                 reach2: (error * radius).powi(2),
                 normal: record.place.normal.into(),
                 inverse: 1.0 / radius,
-                bend: record.bend.max(bend(&light[0])),
+                bend: record.bend.max(bend(light)),
                 damping: (record.radius / radius).min(1.0),
                 variance: record.variance,
                 kind: self.edits.kind(&self.spot(number)),
             }
         };
-        let light = self.light[first * parts..].par_chunks(parts);
+        let light = self.light[first..].par_iter();
         let shapes: Vec<Shape> = light.enumerate().with_min_len(1024).map(shape).collect();
         self.shapes.truncate(first);
         self.shapes.extend(shapes);
@@ -215,23 +215,23 @@ impl<'a> Cache<'a> {
     pub fn look_up_with(&self, spot: &Spot, mut tell: impl FnMut(usize, f32)) -> Found {
         let normal = Vec3::from(spot.point.normal);
         let (mut total, mut variance, mut light) = (0.0, 0.0, Vec4::ZERO);
-        let (count, parts) = (self.edits.count(), self.parts());
+        let count = self.edits.count();
         self.visit(spot, |record, weight, by| {
             let shape = &self.shapes[record];
             let (by, turn) = (by * shape.damping, shape.normal.cross(normal));
             tell(record, weight);
             total += weight;
             variance += weight * weight * shape.variance;
-            let all = &self.light[record * parts..][..parts];
-            let mut here = all[0].at(by, turn);
-            for (e, part) in all[1..].iter().enumerate() {
+            let all = &self.light[record];
+            let mut here = all.at(by, turn);
+            for e in 0..count {
                 let apart = spot.receivers[e] - self.receivers[record * count + e];
                 if apart != 0.0 {
-                    here += part.at(by, turn) * apart;
+                    here += self.changes[record * count + e].at(by, turn) * apart;
                 }
             }
             // Gradients lead below what can be, edits may lead there on purpose.
-            light += here.max(all[0].value.min(Vec4::ZERO)) * weight;
+            light += here.max(all.value.min(Vec4::ZERO)) * weight;
             true
         });
         if total > 0.0 {
@@ -254,15 +254,16 @@ impl<'a> Cache<'a> {
 
     /// Takes one more set of rays into a record.
     pub fn refine(&mut self, record: usize, light: &[Gradients], rays: u32) {
-        let first = record * self.parts();
         let here = &mut self.records[record];
         // Strata make the error of a set fall faster than by the root of its rays.
         let [before, more] = [here.rays, rays].map(|rays| (rays as f32).powf(1.5));
         let share = more / (before + more);
-        let apart = (light[0].value - self.light[first].value).truncate().length_squared();
+        let apart = (light[0].value - self.light[record].value).truncate().length_squared();
         // One difference says little: what the rays so far say counts as much.
         here.variance = 0.5 * (apart * share * (1.0 - share) + here.variance * (1.0 - share));
-        for (old, new) in self.light[first..].iter_mut().zip(light) {
+        self.light[record] = self.light[record].mix(&light[0], share);
+        let count = self.edits.count();
+        for (old, new) in self.changes[record * count..].iter_mut().zip(&light[1..]) {
             *old = old.mix(new, share);
         }
         here.rays += rays;

@@ -92,7 +92,7 @@ impl Demand {
         let variance = smooth_variance(cache);
         let rays: Vec<f64> = cache.records.iter().map(|record| f64::from(record.rays)).collect();
         let pull: Vec<f64> = (0..rays.len()).map(|i| (self.weights[i] * variance[i] * rays[i]).sqrt()).collect();
-        let light = |i: usize| f64::from(cache.light[i * cache.parts()].value.truncate().length());
+        let light = |i: usize| f64::from(cache.light[i].value.truncate().length());
         let usual = DARK * (0..rays.len()).map(light).sum::<f64>() / rays.len().max(1) as f64;
         let least: Vec<f64> = (0..rays.len())
             .map(|i| {

@@ -101,7 +101,7 @@ impl Growth<'_> {
                 told.added += records.len();
                 fresh.0.extend(records);
                 fresh.1.extend(receivers);
-                fresh.2.extend(light.into_iter().flatten());
+                fresh.2.extend(light);
             }
             cache.extend(fresh.0, fresh.1, fresh.2, is_settled);
         }

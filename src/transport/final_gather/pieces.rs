@@ -33,17 +33,24 @@ impl Pieces {
         Self::from_steps(steps, count)
     }
 
-    /// The sum of pieces, each times a weight, over `count` gather samples.
-    pub fn sum(parts: &[(&Pieces, f32)], count: u32) -> Self {
-        let steps = parts.iter().flat_map(|(pieces, weight)| {
-            let mut last = Vec3::ZERO;
-            pieces.starts.iter().zip(&pieces.values).map(move |(start, value)| {
-                let step = (*value - last) * *weight;
-                last = *value;
-                (*start, step)
-            })
-        });
-        Self::from_steps(steps.collect(), count)
+    /// The sum of pieces, each times a weight.
+    pub fn sum(parts: &[(&Pieces, f32)]) -> Self {
+        let most = parts.iter().map(|(pieces, _)| pieces.starts.len()).sum();
+        let mut sum = Self { starts: Vec::with_capacity(most), values: Vec::with_capacity(most) };
+        // Of each: the pieces that have begun.
+        let mut begun = vec![0; parts.len()];
+        let next =
+            |begun: &[usize]| parts.iter().zip(begun).filter_map(|((pieces, _), &at)| pieces.starts.get(at)).min();
+        while let Some(&start) = next(&begun) {
+            let mut value = Vec3::ZERO;
+            for ((pieces, weight), begun) in parts.iter().zip(&mut begun) {
+                *begun += usize::from(pieces.starts.get(*begun) == Some(&start));
+                value += begun.checked_sub(1).map_or(Vec3::ZERO, |at| pieces.values[at] * *weight);
+            }
+            sum.starts.push(start);
+            sum.values.push(value);
+        }
+        sum
     }
 
     fn from_steps(mut steps: Vec<(u32, Vec3)>, count: u32) -> Self {
@@ -99,7 +106,7 @@ mod tests {
                 })
                 .collect();
             let pieces: Vec<Pieces> = (0..2).map(|number| Pieces::of(&rows, number)).collect();
-            let both = Pieces::sum(&[(&pieces[0], 0.25), (&pieces[1], -2.0)], count as u32);
+            let both = Pieces::sum(&[(&pieces[0], 0.25), (&pieces[1], -2.0)]);
             for (sample, (a, b)) in all[0].iter().zip(&all[1]).enumerate() {
                 let [a, b] = [a, b].map(|value| Vec3::from_slice(&value[..3]));
                 assert!((pieces[0].at(sample as u32) - a).length() < 1e-4, "{count}, {sample}");

@@ -152,7 +152,7 @@ impl<'a> SampledEdits<'a> {
         let pieces =
             |row: u32| self.pieces[row as usize].get_or_init(|| Pieces::of(&self.sampled.scales, row as usize));
         let parts: Vec<(&Pieces, f32)> = mix.rows.iter().map(|(row, weight)| (pieces(*row), *weight)).collect();
-        Pieces::sum(&parts, self.sampled.origin.gather_samples as u32)
+        Pieces::sum(&parts)
     }
 
     /// Irradiance that offset rows add at a place, W/m².
