@@ -128,7 +128,7 @@ impl NearestSample {
         let point =
             |(side, at): (&u32, &[f32; 2])| geometry.surface_point((side / 2) as usize, at[0], at[1], side % 2 == 0);
         let points: Vec<SurfacePoint> = sides.iter().zip(barycentrics).map(point).collect();
-        let (sides, cells) = cells(geometry, live, &points, (area, 0.25 * CELLS));
+        let (sides, cells) = cells(geometry, live, &points, (area, 0.125 * CELLS));
         Self(Gather { points: points.into(), sides: sides.into(), cells: cells.into(), area, ..Gather::default() })
     }
 

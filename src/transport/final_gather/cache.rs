@@ -75,11 +75,20 @@ pub struct Cache<'a> {
     pub receivers: Vec<f32>,
     /// Of each record.
     pub light: Vec<Gradients>,
-    /// Derivatives of the light by each receiver's weight, those of a record one after another; by themselves, since most
-    /// places do not ask for them.
-    changes: Vec<Gradients>,
+    /// Derivatives of the light by each receiver's weight, those of a record one after another, W/m²; by themselves, since
+    /// most places do not ask for them. How they change with place matters only where weights do, and is left out.
+    changes: Vec<Vec4>,
     shapes: Vec<Shape>,
     index: Index,
+}
+
+/// Records to add, in columns as the cache has them.
+#[derive(Default)]
+pub struct Fresh {
+    pub records: Vec<Record>,
+    pub receivers: Vec<f32>,
+    pub light: Vec<Gradients>,
+    pub changes: Vec<Vec4>,
 }
 
 /// A place that is asked about.
@@ -131,15 +140,13 @@ impl<'a> Cache<'a> {
     }
 
     /// Adds records, and lets all of them see each other's distances; where old ones are `settled`, new ones alone see
-    /// them. `refresh` when no more come. `light`: of each record, and its derivatives.
-    pub fn extend(&mut self, records: Vec<Record>, receivers: Vec<f32>, light: Vec<Vec<Gradients>>, settled: bool) {
+    /// them. `refresh` when no more come.
+    pub fn extend(&mut self, fresh: Fresh, settled: bool) {
         let old = self.records.len();
-        self.records.extend(records);
-        self.receivers.extend(receivers);
-        for parts in light {
-            self.light.push(parts[0]);
-            self.changes.extend_from_slice(&parts[1..]);
-        }
+        self.records.extend(fresh.records);
+        self.receivers.extend(fresh.receivers);
+        self.light.extend(fresh.light);
+        self.changes.extend(fresh.changes);
         let changing = if settled { old } else { 0 };
         self.reshape(changing);
         self.reindex();
@@ -227,7 +234,7 @@ impl<'a> Cache<'a> {
             for e in 0..count {
                 let apart = spot.receivers[e] - self.receivers[record * count + e];
                 if apart != 0.0 {
-                    here += self.changes[record * count + e].at(by, turn) * apart;
+                    here += self.changes[record * count + e] * apart;
                 }
             }
             // Gradients lead below what can be, edits may lead there on purpose.
@@ -253,18 +260,18 @@ impl<'a> Cache<'a> {
     }
 
     /// Takes one more set of rays into a record.
-    pub fn refine(&mut self, record: usize, light: &[Gradients], rays: u32) {
+    pub fn refine(&mut self, record: usize, light: &Gradients, changes: &[Vec4], rays: u32) {
         let here = &mut self.records[record];
         // Strata make the error of a set fall faster than by the root of its rays.
         let [before, more] = [here.rays, rays].map(|rays| (rays as f32).powf(1.5));
         let share = more / (before + more);
-        let apart = (light[0].value - self.light[record].value).truncate().length_squared();
+        let apart = (light.value - self.light[record].value).truncate().length_squared();
         // One difference says little: what the rays so far say counts as much.
         here.variance = 0.5 * (apart * share * (1.0 - share) + here.variance * (1.0 - share));
-        self.light[record] = self.light[record].mix(&light[0], share);
+        self.light[record] = self.light[record].mix(light, share);
         let count = self.edits.count();
-        for (old, new) in self.changes[record * count..].iter_mut().zip(&light[1..]) {
-            *old = old.mix(new, share);
+        for (old, new) in self.changes[record * count..].iter_mut().zip(changes) {
+            *old = old.lerp(*new, share);
         }
         here.rays += rays;
     }

@@ -25,19 +25,11 @@ pub struct Rows {
     pub scales: Pieces,
 }
 
-/// Light of a place with the edits, or what it changes by with a receiver's weight.
-pub struct Part<'a> {
-    pub number: usize,
-    /// Of each arrival, W/m².
-    pub light: &'a [Vec4],
-    /// From nowhere in particular, W/m².
-    pub added: Vec4,
-}
-
 /// Vectors that are used again for every place.
 #[derive(Default)]
 pub struct Scratch {
-    base: Vec<Vec4>,
+    /// What the edits make of each arrival, W/m².
+    pub light: Vec<Vec4>,
     other: Vec<Vec4>,
     scaled: Arrivals,
 }
@@ -69,11 +61,6 @@ impl<'a> Crossing<'a> {
     /// Weights that tell places apart: of each receiver, and of sampled edits.
     pub fn receivers(&self) -> usize {
         self.transits.receivers().len() + usize::from(self.by_rows().is_some())
-    }
-
-    /// Light at a place is kept in as many parts: with its receivers' weights as they are, and the derivative by each.
-    pub fn parts(&self) -> usize {
-        1 + self.receivers()
     }
 
     /// The receivers' weights at N places, those of a place one after another.
@@ -121,18 +108,18 @@ impl<'a> Crossing<'a> {
         sampled.samples(&traced.points, &traced.barycentrics, |ray| asks[ray / rays])
     }
 
-    /// Hands out the parts of the light at a place: the derivatives by those receivers that it is in. `samples`: the gather
-    /// sample nearest to where each arrival comes from, where sampled edits ask for it.
-    pub fn each_part(
+    /// Edits what arrives at a place, into `scratch.light`; gives what is added from nowhere in particular, W/m², and the
+    /// derivative of all by the weight of each receiver that it is in. `samples`: the gather sample nearest to where each
+    /// arrival comes from, where sampled edits ask for it.
+    pub fn edit(
         &self,
         arrivals: &Arrivals,
         samples: &[Option<u32>],
         receivers: &[f32],
         rows: Option<&Rows>,
         scratch: &mut Scratch,
-        mut take: impl FnMut(Part),
-    ) {
-        let Scratch { base, other, scaled } = scratch;
+    ) -> (Vec4, Vec<Vec4>) {
+        let Scratch { light, other, scaled } = scratch;
         let procedural = self.transits.receivers().len();
         let (through, added) = match (rows, self.by_rows()) {
             (Some(rows), Some(sampled)) if !rows.mix.is_empty() => {
@@ -145,23 +132,21 @@ impl<'a> Crossing<'a> {
             }
             _ => (arrivals, Vec4::ZERO),
         };
-        self.transits.apply(through, &receivers[..procedural], base);
-        take(Part { number: 0, light: base, added });
+        self.transits.apply(through, &receivers[..procedural], light);
+        let sum: Vec4 = light.iter().sum();
+        let mut changes = vec![Vec4::ZERO; receivers.len()];
         for e in (0..procedural).filter(|e| receivers[*e] != 0.0) {
             let mut moved = receivers[..procedural].to_vec();
             moved[e] = if receivers[e] < 0.5 { 1.0 } else { 0.0 };
             self.transits.apply(through, &moved, other);
-            let by = 1.0 / (moved[e] - receivers[e]);
-            other.iter_mut().zip(&*base).for_each(|(other, base)| *other = (*other - *base) * by);
-            take(Part { number: 1 + e, light: other, added: Vec4::ZERO });
+            changes[e] = (other.iter().sum::<Vec4>() - sum) / (moved[e] - receivers[e]);
         }
         let amount = receivers.get(procedural).copied().unwrap_or(0.0);
         if amount != 0.0 {
             self.transits.apply(arrivals, &receivers[..procedural], other);
-            let by = 1.0 / amount;
-            other.iter_mut().zip(&*base).for_each(|(other, base)| *other = (*base - *other) * by);
-            take(Part { number: 1 + procedural, light: other, added: added * by });
+            changes[procedural] = (sum + added - other.iter().sum::<Vec4>()) / amount;
         }
+        (added, changes)
     }
 }
 

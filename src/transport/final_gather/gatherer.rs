@@ -25,8 +25,9 @@ const LAYERS: usize = 5;
 /// What was gathered at a place.
 #[derive(Clone, Debug, Default)]
 pub struct Gathered {
-    /// As many as `Crossing::parts`.
-    pub light: Vec<Gradients>,
+    pub light: Gradients,
+    /// The derivative by the weight of each receiver, W/m².
+    pub changes: Vec<Vec4>,
     /// Harmonic mean and least of the distances to what is seen, m.
     pub reach: [f32; 2],
     /// How much faster than diffuse light this changes with the normal, at least 1.
@@ -134,15 +135,11 @@ impl<'a> Gatherer<'a> {
             };
             let reach = Hemisphere::reach(&layers[0].distances[place.fan.clone()]);
             let receivers = &places.receivers[i * count..][..count];
-            let light = match self.crossing.spares(receivers) {
-                true => {
-                    let mut light = vec![Gradients::default(); 1 + count];
-                    light[0] = self.unedited(&place);
-                    light
-                }
+            let (light, changes) = match self.crossing.spares(receivers) {
+                true => (self.unedited(&place), vec![Vec4::ZERO; count]),
                 false => self.edited(&place, &places.points[i], receivers, arrivals, scratch),
             };
-            Gathered { light, reach, bend: 1.0 }
+            Gathered { light, changes, reach, bend: 1.0 }
         };
         let all = (0..hemispheres.len()).into_par_iter();
         Ok(all.map_init(<(Arrivals, Scratch)>::default, sum).collect())
@@ -217,7 +214,7 @@ impl<'a> Gatherer<'a> {
         receivers: &[f32],
         arrivals: &mut Arrivals,
         scratch: &mut Scratch,
-    ) -> Vec<Gradients> {
+    ) -> (Gradients, Vec<Vec4>) {
         arrivals.clear();
         let (rays, casters) = (place.fan.len(), self.crossing.transits.casters().len());
         let mut samples: Vec<Option<u32>> = Vec::new();
@@ -245,23 +242,18 @@ impl<'a> Gatherer<'a> {
             samples.extend(self.photon_samples.get(photon));
         }
         let rows = self.crossing.rows(point);
-        let mut parts = vec![Gradients::default(); self.crossing.parts()];
-        let mut exitance = Vec::new();
-        self.crossing.each_part(arrivals, &samples, receivers, rows.as_ref(), scratch, |part| {
-            let sum = &mut parts[part.number];
-            for (depth, light) in part.light[..of_rays].chunks_exact(rays).enumerate() {
-                exitance.clear();
-                exitance.extend(light.iter().map(|light| *light * rays as f32));
-                let more = place.hemisphere.gradients(&exitance, &place.layers[depth].distances[place.fan.clone()]);
-                *sum = sum.plus(&more);
-            }
-            for (&(at, photon), light) in photons.iter().zip(&part.light[of_rays..]) {
-                let normal = self.photons.list[photon].point.geometric_normal.into();
-                place.hemisphere.add_place(sum, *light, place.ways[at].direction.into(), normal);
-            }
-            sum.value += part.added;
-        });
-        parts
+        let (added, changes) = self.crossing.edit(arrivals, &samples, receivers, rows.as_ref(), scratch);
+        let (by_rays, by_photons) = scratch.light.split_at(of_rays);
+        let mut sum = Gradients { value: added, ..Gradients::default() };
+        for (layer, light) in place.layers.iter().zip(by_rays.chunks_exact(rays)) {
+            let more = place.hemisphere.gradients(light, &layer.distances[place.fan.clone()]);
+            sum = sum.plus(&more.times(rays as f32));
+        }
+        for (&(at, photon), light) in photons.iter().zip(by_photons) {
+            let normal = self.photons.list[photon].point.geometric_normal.into();
+            place.hemisphere.add_place(&mut sum, *light, place.ways[at].direction.into(), normal);
+        }
+        (sum, changes)
     }
 
     /// The irradiance that a photon gives by itself, W/m².

@@ -1,6 +1,6 @@
 //! How the cache grows: records where there are none, more rays where noise is seen, finer interpolation.
 
-use super::cache::{Cache, Record};
+use super::cache::{Cache, Found, Fresh, Record};
 use super::gatherer::{Gathered, Gathers, Places};
 use super::hemisphere::Gradients;
 use super::placement::{Placement, View};
@@ -32,6 +32,17 @@ pub struct Told {
     /// explains: a sum, in squares of irradiance, all channels together; and of how many places.
     pub off: f64,
     pub tested: usize,
+}
+
+impl Told {
+    /// `found`: what the cache said of a place; `light`: what was gathered there.
+    fn hear(&mut self, found: &Found, light: &Gradients, record: &Record) {
+        if found.weight > 0.0 {
+            let off = (found.light - light.value).truncate().length_squared();
+            self.off += f64::from(off - found.variance - record.variance);
+            self.tested += 1;
+        }
+    }
 }
 
 /// What is to be covered, and how.
@@ -72,7 +83,7 @@ impl Growth<'_> {
                 cache.refresh();
                 return Ok(told);
             }
-            let mut fresh = (Vec::new(), Vec::new(), Vec::new());
+            let mut fresh = Fresh::default();
             let rays: Vec<u32> = next
                 .par_iter()
                 .map(|pixel| before.and_then(|before| before.rays_near(&view.spot(*pixel))).unwrap_or(rays))
@@ -87,23 +98,20 @@ impl Growth<'_> {
                 let [a, b] = [set(&seeds, 0), set(&seeds, 1)];
                 let a = self.gatherer.gather(&places(&a), class / 2, stage)?;
                 let b = self.gatherer.gather(&places(&b), class / 2, stage)?;
-                let record = |i: usize| self.record(&points[i], seeds[i], &a[i], &b[i], class);
-                let (records, light): (Vec<Record>, Vec<Vec<Gradients>>) =
-                    (0..of.len()).into_par_iter().map(record).unzip();
-                for (before, i) in before.iter().flat_map(|before| (0..of.len()).map(move |i| (before, i))) {
-                    let found = before.look_up(&view.spot(of[i]));
-                    if found.weight > 0.0 {
-                        let off = (found.light - light[i][0].value).truncate().length_squared();
-                        told.off += f64::from(off - found.variance - records[i].variance);
-                        told.tested += 1;
+                for (i, (a, b)) in a.iter().zip(&b).enumerate() {
+                    let light = a.light.mix(&b.light, 0.5);
+                    let record = self.record(&points[i], seeds[i], a, b, class);
+                    if let Some(before) = before {
+                        told.hear(&before.look_up(&view.spot(of[i])), &light, &record);
                     }
+                    fresh.records.push(record);
+                    fresh.light.push(light);
+                    fresh.changes.extend(a.changes.iter().zip(&b.changes).map(|(a, b)| 0.5 * (*a + *b)));
                 }
-                told.added += records.len();
-                fresh.0.extend(records);
-                fresh.1.extend(receivers);
-                fresh.2.extend(light);
+                fresh.receivers.extend(receivers);
             }
-            cache.extend(fresh.0, fresh.1, fresh.2, is_settled);
+            told.added += fresh.records.len();
+            cache.extend(fresh, is_settled);
         }
     }
 
@@ -120,32 +128,24 @@ impl Growth<'_> {
             let places = Places { points: &points, receivers: &receivers, seeds: &set(&seeds, 2) };
             let found = self.gatherer.gather(&places, class, stage)?;
             for (&i, found) in of.iter().zip(found) {
-                cache.refine(i, &found.light, class);
+                cache.refine(i, &found.light, &found.changes, class);
             }
         }
         Ok(())
     }
 
-    fn record(
-        &self,
-        place: &SurfacePoint,
-        seed: u32,
-        a: &Gathered,
-        b: &Gathered,
-        rays: u32,
-    ) -> (Record, Vec<Gradients>) {
-        let light: Vec<Gradients> = a.light.iter().zip(&b.light).map(|(a, b)| a.mix(b, 0.5)).collect();
+    /// Of two sets of rays.
+    fn record(&self, place: &SurfacePoint, seed: u32, a: &Gathered, b: &Gathered, rays: u32) -> Record {
         let mean = 2.0 / (1.0 / a.reach[0] + 1.0 / b.reach[0]);
-        let record = Record {
+        Record {
             place: *place,
             seed,
-            radius: mean.min(limit(&light[0])),
+            radius: mean.min(limit(&a.light.mix(&b.light, 0.5))),
             bend: a.bend.max(b.bend),
             footprint: self.footprint(place),
             rays,
-            variance: 0.25 * (a.light[0].value - b.light[0].value).truncate().length_squared(),
-        };
-        (record, light)
+            variance: 0.25 * (a.light.value - b.light.value).truncate().length_squared(),
+        }
     }
 
     /// About the width of a pixel on a surface, m.

@@ -57,6 +57,11 @@ impl Gradients {
         }
     }
 
+    pub fn times(&self, factor: f32) -> Self {
+        let each = |a: [Vec4; 3]| a.map(|a| a * factor);
+        Self { value: self.value * factor, moved: each(self.moved), turned: each(self.turned) }
+    }
+
     pub fn plus(&self, other: &Self) -> Self {
         let each = |a: [Vec4; 3], b: [Vec4; 3]| [0, 1, 2].map(|i| a[i] + b[i]);
         Self {

@@ -89,17 +89,15 @@ impl Reflections<'_> {
             arrivals.casters.extend_from_slice(&casters[fan.start * each..fan.end * each]);
             let samples = samples.get(fan.clone()).unwrap_or(&[]);
             let receivers = &places.receivers[i * count..][..count];
-            let mut light = vec![Gradients::default(); self.crossing.parts()];
             let rows = self.crossing.rows(place);
-            self.crossing.each_part(arrivals, samples, receivers, rows.as_ref(), scratch, |part| {
-                light[part.number].value = part.light.iter().sum();
-            });
+            let (added, changes) = self.crossing.edit(arrivals, samples, receivers, rows.as_ref(), scratch);
+            let light = Gradients { value: added + scratch.light.iter().sum::<Vec4>(), ..Gradients::default() };
             let width = alpha(&self.gloss[place.material as usize]);
             // What is reflected moves with the eye's parallax, too.
             let eye = Vec3::from(place.position).distance(self.eye);
             let reach = Hemisphere::reach(&traced.distances[fan]);
             let reach = reach.map(|reach| (SPREAD * width).min(1.0) / (1.0 / reach + 1.0 / eye));
-            Gathered { light, reach, bend: (1.0 / (SPREAD * width)).max(1.0) }
+            Gathered { light, changes, reach, bend: (1.0 / (SPREAD * width)).max(1.0) }
         };
         let all = (0..places.points.len()).into_par_iter();
         Ok(all.map_init(<(Arrivals, Scratch)>::default, sum).collect())
