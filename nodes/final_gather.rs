@@ -1,6 +1,6 @@
 //! The offline renderer (thesis 5.5.3): any resolution, any samples a pixel, indirect light by final gathering.
 
-use crate::device::Array;
+use crate::device::{Array, Device};
 use crate::image::Image;
 use crate::node::{Info, Inputs, Job, Key, Node, Port};
 use crate::nodes::camera;
@@ -11,6 +11,7 @@ use crate::value::{Kind, Value};
 use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use std::sync::Arc;
 
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -163,6 +164,8 @@ impl Node for FinalGather {
             job.note("glossy_records", glossy.records.len());
             job.note("glossy_rays", glossy.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
         }
+        let (rays, cpu) = (job.device.name(), Device::Cpu.name());
+        job.note("ran_on", json!({ "gather_rays": rays, "direct_light": rays, "cache": cpu }));
         job.note("records", cache.records.len());
         job.note("rays", cache.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
         job.note("cache_error", cache.error());
