@@ -7,9 +7,10 @@
 //! w_i(p) = 1 / e_i(p) - 1 / a,   e_i(p) = |p - p_i| / R_i + b_i sqrt(1 - n . n_i)
 //! ```
 //!
-//! where `b_i` is 1 but for light from near the horizon, `e_i < a` and p does not lie in front of it; what is taken off makes weights fade out instead of ending. Each adds
-//! its light with its gradients. `R_i` is no larger than a neighbour's and the way to there (Křivánek et al. 2006), so that
-//! no record overlooks what its neighbours see; and no smaller than what the picture can show.
+//! where `b_i` is 1 but for light from near the horizon, `e_i < a` and p does not lie in front of it; what is taken off
+//! makes weights fade out instead of ending. Each adds its light with its gradients. `R_i` is no larger than that of any
+//! record which lies where i counts, and the way to there (Křivánek et al. 2006), so that no record overlooks what its
+//! neighbours see; and no smaller than what the picture can show.
 
 use super::hemisphere::Gradients;
 use super::index::Index;
@@ -155,7 +156,7 @@ impl<'a> Cache<'a> {
         self.reshape(changing);
     }
 
-    /// `R_i` of records from `changing` on, by the distances of all that lie where they count; those before `new` have seen
+    /// `R_i` of records from `changing` on, by the distances of all that lie where they count; those before `new` did see
     /// each other.
     fn clamp(&mut self, changing: usize, new: usize) {
         let records = &self.records;
@@ -303,8 +304,9 @@ impl<'a> Cache<'a> {
             if squared >= shape.reach2 {
                 return true;
             }
-            let cosine = normal.dot(shape.normal);
-            let error = squared.sqrt() * shape.inverse + shape.bend * (1.0 - cosine).max(0.0).sqrt();
+            // 1 - n . n_i, and exactly 0 for a record's own place.
+            let turned = 0.5 * normal.distance_squared(shape.normal);
+            let error = squared.sqrt() * shape.inverse + shape.bend * turned.sqrt();
             // In front of it, a place sees what the record has behind itself.
             if error >= self.error || by.dot(normal + shape.normal) * shape.inverse < -0.1 * self.error {
                 return true;
@@ -312,7 +314,8 @@ impl<'a> Cache<'a> {
             if shape.kind != kind && self.edits.part_ways(&self.spot(record as usize), spot) {
                 return true;
             }
-            take(record as usize, 1.0 / error.max(1e-3 * self.error) - 1.0 / self.error, by)
+            let weight = 1.0 / error.max(1e-3 * self.error) - 1.0 / self.error;
+            weight <= 0.0 || take(record as usize, weight, by)
         });
     }
 }

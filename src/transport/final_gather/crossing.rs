@@ -23,6 +23,8 @@ pub struct Rows {
     pub mix: Mix,
     /// `S - 1` over gather samples.
     pub scales: Pieces,
+    /// Irradiance that comes from nowhere in particular, W/m².
+    pub added: Vec4,
 }
 
 /// Vectors that are used again for every place.
@@ -86,8 +88,8 @@ impl<'a> Crossing<'a> {
         if mix.is_empty() {
             return None;
         }
-        let scales = sampled.scales(&mix);
-        Some(Rows { mix, scales })
+        let (scales, added) = (sampled.scales(&mix), sampled.added(&mix));
+        Some(Rows { mix, scales, added })
     }
 
     /// Light at a place arrives there as it is.
@@ -95,8 +97,8 @@ impl<'a> Crossing<'a> {
         receivers.iter().all(|weight| *weight == 0.0) && !self.transits.reaches(receivers)
     }
 
-    /// The gather samples nearest to what the rays of places met, `rays` a place, where sampled edits ask for them; `receivers`:
-    /// of all places.
+    /// The gather samples nearest to what the rays of places met, `rays` a place, where sampled edits ask for them;
+    /// `receivers`: of all places.
     pub fn samples(&self, receivers: &[f32], traced: &Traced, rays: usize) -> Vec<Option<u32>> {
         let Some(sampled) = &self.sampled else { return Vec::new() };
         let (everywhere, count) = (sampled.changes_source(), self.receivers());
@@ -121,16 +123,16 @@ impl<'a> Crossing<'a> {
     ) -> (Vec4, Vec<Vec4>) {
         let Scratch { light, other, scaled } = scratch;
         let procedural = self.transits.receivers().len();
-        let (through, added) = match (rows, self.by_rows()) {
-            (Some(rows), Some(sampled)) if !rows.mix.is_empty() => {
+        let (through, added) = match rows {
+            Some(rows) => {
                 scaled.clone_from(arrivals);
                 for (light, sample) in scaled.light.iter_mut().zip(samples) {
                     let more = sample.map_or(glam::Vec3::ZERO, |sample| rows.scales.at(sample));
                     *light += *light * more.extend(0.0);
                 }
-                (&*scaled, sampled.added(&rows.mix))
+                (&*scaled, rows.added)
             }
-            _ => (arrivals, Vec4::ZERO),
+            None => (arrivals, Vec4::ZERO),
         };
         self.transits.apply(through, &receivers[..procedural], light);
         let sum: Vec4 = light.iter().sum();

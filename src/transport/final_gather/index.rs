@@ -93,14 +93,16 @@ impl Index {
     }
 
     fn cells(&self, (centre, radius): &(Vec3, f32)) -> impl Iterator<Item = u64> {
+        // Cells of places are found by other roundings.
+        let reach = radius + 1e-6 * self.width;
         let fits = (self.width / (2.0 * radius).max(1e-30)).log2().floor();
         let level = fits.clamp(0.0, BITS as f32) as u32;
-        let (first, last) = (self.cell(level, *centre - *radius), self.cell(level, *centre + *radius));
+        let (first, last) = (self.cell(level, *centre - reach), self.cell(level, *centre + reach));
         let within = move |axis: usize| first[axis]..=last[axis];
         let all = within(2).flat_map(move |z| within(1).flat_map(move |y| within(0).map(move |x| [x, y, z])));
         // What lies outside of the grid belongs to its outermost cells: these are never left out.
         let (side, edge) = (self.width / (1u64 << level) as f32, (1u64 << level) - 1);
-        let (centre, reach2) = (*centre - self.low, radius * radius * 1.001);
+        let (centre, reach2) = (*centre - self.low, reach * reach);
         let touches = move |cell: &[u64; 3]| {
             let low = Vec3::from(cell.map(|x| x as f32)) * side;
             let by = centre - centre.clamp(low, low + side);
@@ -135,13 +137,15 @@ mod tests {
         let spheres: Vec<(Vec3, f32)> = (0..3000)
             .map(|i| {
                 let at = Vec3::new(random(5 * i), 3.0 * random(5 * i + 1), 0.01 * random(5 * i + 2));
-                (at, 10f32.powf(-5.0 * random(5 * i + 3)))
+                (at, 10f32.powf(-8.0 * random(5 * i + 3)))
             })
             .collect();
         for spheres in [&spheres[..], &spheres[..1], &[]] {
             let index = Index::new(spheres);
-            for i in 0..4000 {
-                let place = Vec3::new(1.2 * random(!(3 * i)), 3.2 * random(!(3 * i + 1)), 0.02 * random(!(3 * i + 2)));
+            let place =
+                |i: u32| Vec3::new(1.2 * random(!(3 * i)), 3.2 * random(!(3 * i + 1)), 0.02 * random(!(3 * i + 2)));
+            let centres = spheres.iter().map(|sphere| sphere.0);
+            for place in (0..4000).map(place).chain(centres) {
                 let mut found = Vec::new();
                 index.near(place, |record| {
                     found.push(record);

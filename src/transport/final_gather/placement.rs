@@ -6,6 +6,7 @@
 use super::cache::{Cache, Spot};
 use crate::scene::SurfacePoint;
 use rayon::prelude::*;
+use std::cmp::Ordering;
 
 /// Pixels along a side of the first blocks.
 const COARSEST: usize = 32;
@@ -38,7 +39,7 @@ pub struct Placement<'a> {
     is_settled: bool,
     step: usize,
     rounds: usize,
-    /// Pixels along a side of the blocks of a round.
+    /// Pixels along a side of the blocks of the next round; 0: all that was open had its turn.
     block: usize,
     /// Pixels that were not covered when last looked at; `None`: all are to be looked at.
     open: Option<Vec<usize>>,
@@ -67,18 +68,21 @@ impl<'a> Placement<'a> {
                 return found;
             }
         }
-        let left = self.open.take().map(|open| self.still_open(cache, open));
+        // Where each had its turn, none is left.
+        let left = self.open.take().map(|open| if self.block == 0 { Vec::new() } else { self.still_open(cache, open) });
         let left = left.filter(|left| !left.is_empty() || self.is_settled);
         // New records may have made old ones count less far: all is looked at once more before the end.
         let left = left.unwrap_or_else(|| {
             (self.rounds, self.block) = (self.rounds + 1, LARGEST);
             self.still_open(cache, (0..self.view.points.len()).collect())
         });
-        if self.rounds > ROUNDS {
-            return left;
+        match self.rounds.cmp(&(ROUNDS + 1)) {
+            Ordering::Less => {}
+            Ordering::Equal => return left,
+            Ordering::Greater => return Vec::new(),
         }
         let next = self.thinned(&left);
-        self.block = (self.block / 2).max(1);
+        self.block /= 2;
         self.open = Some(left);
         next
     }

@@ -5,7 +5,7 @@
 //! as fast as the lobe is narrow, until each sample gathers for itself.
 
 use super::cache::{Receivers, Spot};
-use super::crossing::{Crossing, Scratch};
+use super::crossing::{Crossing, Rows, Scratch};
 use super::gatherer::{Gathered, Gathers, Places};
 use super::hemisphere::{Gradients, Hemisphere};
 use super::incident::Incident;
@@ -89,9 +89,10 @@ impl Reflections<'_> {
             arrivals.casters.extend_from_slice(&casters[fan.start * each..fan.end * each]);
             let samples = samples.get(fan.clone()).unwrap_or(&[]);
             let receivers = &places.receivers[i * count..][..count];
-            let rows = self.crossing.rows(place);
-            let (added, changes) = self.crossing.edit(arrivals, samples, receivers, rows.as_ref(), scratch);
-            let light = Gradients { value: added + scratch.light.iter().sum::<Vec4>(), ..Gradients::default() };
+            // What is added is diffuse light: it is not reflected, as in the preview.
+            let rows = self.crossing.rows(place).map(|rows| Rows { added: Vec4::ZERO, ..rows });
+            let (_, changes) = self.crossing.edit(arrivals, samples, receivers, rows.as_ref(), scratch);
+            let light = Gradients { value: scratch.light.iter().sum(), ..Gradients::default() };
             let width = alpha(&self.gloss[place.material as usize]);
             // What is reflected moves with the eye's parallax, too.
             let eye = Vec3::from(place.position).distance(self.eye);
