@@ -3,7 +3,7 @@
 use super::cache::{Receivers, Spot};
 use super::incident::Incident;
 use super::pieces::Pieces;
-use super::sampled::{Mix, SampledEdits};
+use super::sampled::SampledEdits;
 use super::transit::{Arrivals, Transits, weights};
 use crate::kernels::trace_rays::Traced;
 use crate::memo::Memo;
@@ -20,7 +20,6 @@ pub struct Crossing<'a> {
 
 /// What sampled edits say of a place.
 pub struct Rows {
-    pub mix: Mix,
     /// `S - 1` over gather samples.
     pub scales: Pieces,
     /// Irradiance that comes from nowhere in particular, W/m².
@@ -89,7 +88,7 @@ impl<'a> Crossing<'a> {
             return None;
         }
         let (scales, added) = (sampled.scales(&mix), sampled.added(&mix));
-        Some(Rows { mix, scales, added })
+        Some(Rows { scales, added })
     }
 
     /// Light at a place arrives there as it is.
