@@ -21,6 +21,7 @@ pub mod plate;
 pub mod precompute;
 pub mod rows;
 pub mod runs;
+pub mod sample_cells;
 pub mod sampled;
 pub mod samples;
 pub mod sampling;

@@ -26,13 +26,24 @@ pub struct Rows {
     pub added: Vec4,
 }
 
+impl Rows {
+    /// Scales light that comes from these gather samples.
+    fn scale(&self, light: &mut [Vec4], samples: &[Option<u32>]) {
+        for (light, sample) in light.iter_mut().zip(samples) {
+            if let Some(sample) = sample {
+                *light += *light * self.scales.at(*sample).extend(0.0);
+            }
+        }
+    }
+}
+
 /// Vectors that are used again for every place.
 #[derive(Default)]
 pub struct Scratch {
     /// What the edits make of each arrival, W/m².
     pub light: Vec<Vec4>,
     other: Vec<Vec4>,
-    scaled: Arrivals,
+    seen: Vec<f32>,
 }
 
 impl<'a> Crossing<'a> {
@@ -120,32 +131,30 @@ impl<'a> Crossing<'a> {
         rows: Option<&Rows>,
         scratch: &mut Scratch,
     ) -> (Vec4, Vec<Vec4>) {
-        let Scratch { light, other, scaled } = scratch;
-        let procedural = self.transits.receivers().len();
-        let (through, added) = match rows {
-            Some(rows) => {
-                scaled.clone_from(arrivals);
-                for (light, sample) in scaled.light.iter_mut().zip(samples) {
-                    let more = sample.map_or(glam::Vec3::ZERO, |sample| rows.scales.at(sample));
-                    *light += *light * more.extend(0.0);
-                }
-                (&*scaled, rows.added)
+        let Scratch { light, other, seen } = scratch;
+        let count = self.transits.receivers().len();
+        let (procedural, amount) = (&receivers[..count], receivers.get(count).copied().unwrap_or(0.0));
+        let set_out = |light: &mut Vec<Vec4>| {
+            light.clone_from(&arrivals.light);
+            if let Some(rows) = rows {
+                rows.scale(light, samples);
             }
-            None => (arrivals, Vec4::ZERO),
         };
-        self.transits.apply(through, &receivers[..procedural], light);
-        let sum: Vec4 = light.iter().sum();
+        set_out(light);
+        self.transits.apply(arrivals, procedural, light, seen);
+        let (sum, added) = (light.iter().sum::<Vec4>(), rows.map_or(Vec4::ZERO, |rows| rows.added));
         let mut changes = vec![Vec4::ZERO; receivers.len()];
-        for e in (0..procedural).filter(|e| receivers[*e] != 0.0) {
-            let mut moved = receivers[..procedural].to_vec();
-            moved[e] = if receivers[e] < 0.5 { 1.0 } else { 0.0 };
-            self.transits.apply(through, &moved, other);
-            changes[e] = (other.iter().sum::<Vec4>() - sum) / (moved[e] - receivers[e]);
+        for e in (0..count).filter(|e| procedural[*e] != 0.0) {
+            let mut moved = procedural.to_vec();
+            moved[e] = if procedural[e] < 0.5 { 1.0 } else { 0.0 };
+            set_out(other);
+            self.transits.apply(arrivals, &moved, other, seen);
+            changes[e] = (other.iter().sum::<Vec4>() - sum) / (moved[e] - procedural[e]);
         }
-        let amount = receivers.get(procedural).copied().unwrap_or(0.0);
         if amount != 0.0 {
-            self.transits.apply(arrivals, &receivers[..procedural], other);
-            changes[procedural] = (sum + added - other.iter().sum::<Vec4>()) / amount;
+            other.clone_from(&arrivals.light);
+            self.transits.apply(arrivals, procedural, other, seen);
+            changes[count] = (sum + added - other.iter().sum::<Vec4>()) / amount;
         }
         (added, changes)
     }

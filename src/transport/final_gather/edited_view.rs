@@ -19,7 +19,7 @@ pub struct EditedView<'a> {
     touches: Vec<bool>,
     /// Of each sample: what its rows count together.
     amounts: Vec<f32>,
-    /// Of each sample: where all those around it are of its surface and count as much as it does, the largest distance to
+    /// Of each sample of objects that are touched: where all those around it are of its surface and count as much as it does, the largest distance to
     /// one, squared, m²; 0 elsewhere.
     even: Vec<f32>,
 }
@@ -115,6 +115,9 @@ impl<'a> EditedView<'a> {
             return 0.0;
         }
         let object = self.geometry.object[(view.side[here] / 2) as usize];
+        if !self.touches(object) {
+            return 0.0;
+        }
         let (at, normal) = (Vec3::from(view.position[here]), Vec3::from(view.normal[here]));
         let (mut count, mut widest) = (0, 0.0f32);
         for there in self.around(x as i64, y as i64) {

@@ -7,10 +7,11 @@ use super::pieces::Pieces;
 use crate::Result;
 use crate::memo::{Key, Memo};
 use crate::scene::{Geometry, SurfacePoint};
-use crate::transport::gather::NearestSample;
+use crate::transport::sample_cells::NearestSample;
 use crate::transport::sampled::apply::offset_product;
 use crate::transport::sampled::{NOWHERE, Sampled, UNTOUCHED, Vectors};
 use crate::transport::sides::live_sides;
+use bytemuck::cast_slice;
 use glam::Vec4;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -43,21 +44,20 @@ impl<'a> SampledEdits<'a> {
     /// The edits were sampled for another scene.
     pub fn new(geometry: &'a Geometry, sampled: &'a Sampled, memo: &dyn Memo) -> Result<Self> {
         sampled.check_scene(geometry)?;
-        let key = Key::of(&[b"nearest samples", &geometry.fingerprint, &sampled.digest()]);
-        let nearest = memo.remember(
-            key,
-            |nearest: &NearestSample| 64 * nearest.points().len() as u64,
-            || {
-                let mut sides: Vec<u32> = sampled.view.side.iter().copied().filter(|side| *side != NOWHERE).collect();
-                sides.par_sort_unstable();
-                sides.dedup();
-                let middle =
-                    |side: &u32| geometry.surface_point((side / 2) as usize, 0.33, 0.33, side.is_multiple_of(2));
-                let seen: Vec<SurfacePoint> = sides.iter().map(middle).collect();
-                let live = live_sides(geometry, &seen, memo)?;
-                Ok(NearestSample::new(geometry, &live, &sampled.gather.side, &sampled.gather.barycentrics))
-            },
-        )?;
+        // Other edits of the same samples share them.
+        let (gather, view) = (&sampled.gather, &sampled.view);
+        let addresses: [&[u8]; 3] =
+            [cast_slice(&gather.side), cast_slice(&gather.barycentrics), cast_slice(&view.side)];
+        let key = Key::of(&[b"nearest samples", &geometry.fingerprint, addresses[0], addresses[1], addresses[2]]);
+        let nearest = memo.remember(key, NearestSample::bytes, || {
+            let mut sides: Vec<u32> = view.side.iter().copied().filter(|side| *side != NOWHERE).collect();
+            sides.par_sort_unstable();
+            sides.dedup();
+            let middle = |side: &u32| geometry.surface_point((side / 2) as usize, 0.33, 0.33, side.is_multiple_of(2));
+            let seen: Vec<SurfacePoint> = sides.iter().map(middle).collect();
+            let live = live_sides(geometry, &seen, memo)?;
+            Ok(NearestSample::new(geometry, &live, &gather.side, &gather.barycentrics))
+        })?;
         let view = EditedView::new(geometry, sampled);
         let pieces = (0..sampled.rows()).map(|_| OnceLock::new()).collect();
         Ok(Self { geometry, sampled, nearest, view, pieces, added: Vec::new() })
@@ -69,7 +69,7 @@ impl<'a> SampledEdits<'a> {
             return None;
         }
         let front = self.geometry.area_vector(point.triangle as usize).dot(point.geometric_normal.into()) >= 0.0;
-        self.nearest.at(point.triangle, barycentrics, front)
+        self.nearest.at(self.geometry, point.triangle, barycentrics, front)
     }
 
     pub fn changes_source(&self) -> bool {

@@ -92,11 +92,10 @@ impl<'a> Transits<'a> {
         (0..self.edits.len()).any(|e| self.receiver[e].is_none_or(|receiver| receivers[receiver] > 0.0))
     }
 
-    /// The edited light, into `light`; `receivers`: weight of each receiver at the place.
-    pub fn apply(&self, arrivals: &Arrivals, receivers: &[f32], light: &mut Vec<Vec4>) {
-        light.clear();
-        light.extend_from_slice(&arrivals.light);
-        let mut seen = arrivals.seen.clone();
+    /// Edits light that arrives, one each of `arrivals`, whose own may be another; `seen` is used again for every place.
+    /// `receivers`: weight of each receiver at the place.
+    pub fn apply(&self, arrivals: &Arrivals, receivers: &[f32], light: &mut [Vec4], seen: &mut Vec<f32>) {
+        seen.clone_from(&arrivals.seen);
         let count = self.casters.len();
         for (e, edit) in self.edits.iter().enumerate() {
             let receiver = self.receiver[e].map_or(1.0, |receiver| receivers[receiver]);
@@ -143,7 +142,7 @@ impl<'a> Transits<'a> {
                 }
             }
         }
-        light.iter_mut().zip(&seen).for_each(|(light, seen)| *light *= *seen);
+        light.iter_mut().zip(&*seen).for_each(|(light, seen)| *light *= *seen);
     }
 }
 

@@ -137,8 +137,9 @@ impl Carried {
         let (low, high) = geometry.bounds();
         let centre = 0.5 * (low + high);
         let mut sizes: Vec<f32> = footprint.iter().copied().filter(|size| *size > 0.0).collect();
-        sizes.sort_unstable_by(f32::total_cmp);
-        let normal_scale = NORMAL * sizes.get(sizes.len() / 2).copied().unwrap_or(1.0);
+        let middle = sizes.len() / 2;
+        let median = (middle < sizes.len()).then(|| *sizes.select_nth_unstable_by(middle, f32::total_cmp).1);
+        let normal_scale = NORMAL * median.unwrap_or(1.0);
         let objects = members.into_iter().map(|members| (members, OnceLock::new())).collect();
         Self { position, normal, footprint, objects, centre, normal_scale }
     }
