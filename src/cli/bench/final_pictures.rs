@@ -62,10 +62,14 @@ fn measured(plan: &Plan, step: &Step, evaluator: &Evaluator, runs: u32) -> Resul
     };
     let is_edited = values.iter().flatten().any(|value| value.kind() == Kind::Edits);
     let (mut with, mut without) = (Vec::new(), Vec::new());
-    for _ in 0..runs {
-        without.push(render(false)?);
-        if is_edited {
-            with.push(render(true)?);
+    for run in 0..runs {
+        // Each comes first by turns.
+        for edited in [run % 2 == 1, run % 2 == 0] {
+            match edited {
+                true if is_edited => with.push(render(std::env::var_os("NULL").is_none())?),
+                true => {}
+                false => without.push(render(false)?),
+            }
         }
     }
     print(&format!("{:<44} {:>12} {:>12} {:>12}\n", step.name, "first s", "finished s", "error %"));

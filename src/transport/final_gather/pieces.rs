@@ -16,45 +16,66 @@ impl Pieces {
     /// Row `row` (of three channels) of a matrix of Haar coefficients; see `sampled::file` for their order.
     pub fn of(rows: &SparseRows, row: usize) -> Self {
         let count = rows.columns() as u32;
-        // What changes at a gather sample.
-        let mut steps: Vec<(u32, Vec3)> = vec![(0, Vec3::ZERO)];
-        for channel in 0..3 {
+        let channel = |channel: usize| {
             let axis = Vec3::AXES[channel];
-            rows.row(3 * row + channel).for_each(|(index, value)| match index {
-                0 => steps.push((0, axis * (value / (count as f32).sqrt()))),
+            rows.row(3 * row + channel).map(move |(index, value)| (index as u32, axis * value))
+        };
+        // Channels mostly have coefficients in the same places: three runs, each in order.
+        let mut coefficients: Vec<(u32, Vec3)> = (0..3).flat_map(channel).collect();
+        coefficients.sort_by_key(|coefficient| coefficient.0);
+        // What changes at a gather sample.
+        let mut steps: Vec<(u32, Vec3)> = Vec::with_capacity(1 + 3 * coefficients.len());
+        steps.push((0, Vec3::ZERO));
+        for same in coefficients.chunk_by(|a, b| a.0 == b.0) {
+            let (index, value) = (same[0].0, same.iter().map(|coefficient| coefficient.1).sum::<Vec3>());
+            match index {
+                0 => steps.push((0, value / (count as f32).sqrt())),
                 _ => {
                     let span = count >> index.ilog2();
-                    let first = (index as u32 - (1 << index.ilog2())) * span;
-                    let height = axis * (value / (span as f32).sqrt());
+                    let first = (index - (1 << index.ilog2())) * span;
+                    let height = value / (span as f32).sqrt();
                     steps.extend([(first, height), (first + span / 2, -2.0 * height), (first + span, height)]);
                 }
-            });
+            }
         }
         Self::from_steps(steps, count)
     }
 
     /// The sum of pieces, each times a weight.
     pub fn sum(parts: &[(&Pieces, f32)]) -> Self {
-        let most = parts.iter().map(|(pieces, _)| pieces.starts.len()).sum();
+        match parts {
+            [] => Self::default(),
+            [part] => Self::of_two(*part, (part.0, 0.0)),
+            [a, b] => Self::of_two(*a, *b),
+            _ => {
+                let (a, b) = parts.split_at(parts.len() / 2);
+                Self::of_two((&Self::sum(a), 1.0), (&Self::sum(b), 1.0))
+            }
+        }
+    }
+
+    /// Both begin at 0.
+    fn of_two((a, weight_a): (&Pieces, f32), (b, weight_b): (&Pieces, f32)) -> Self {
+        let most = a.starts.len() + b.starts.len();
         let mut sum = Self { starts: Vec::with_capacity(most), values: Vec::with_capacity(most) };
         // Of each: the pieces that have begun.
-        let mut begun = vec![0; parts.len()];
-        let next =
-            |begun: &[usize]| parts.iter().zip(begun).filter_map(|((pieces, _), &at)| pieces.starts.get(at)).min();
-        while let Some(&start) = next(&begun) {
-            let mut value = Vec3::ZERO;
-            for ((pieces, weight), begun) in parts.iter().zip(&mut begun) {
-                *begun += usize::from(pieces.starts.get(*begun) == Some(&start));
-                value += begun.checked_sub(1).map_or(Vec3::ZERO, |at| pieces.values[at] * *weight);
+        let (mut i, mut j) = (0, 0);
+        let next = |starts: &[u32], begun: usize| starts.get(begun).copied().unwrap_or(u32::MAX);
+        loop {
+            let (from_a, from_b) = (next(&a.starts, i), next(&b.starts, j));
+            let start = from_a.min(from_b);
+            if start == u32::MAX {
+                return sum;
             }
+            i += usize::from(from_a == start);
+            j += usize::from(from_b == start);
             sum.starts.push(start);
-            sum.values.push(value);
+            sum.values.push(a.values[i - 1] * weight_a + b.values[j - 1] * weight_b);
         }
-        sum
     }
 
     fn from_steps(mut steps: Vec<(u32, Vec3)>, count: u32) -> Self {
-        steps.sort_by_key(|step| step.0);
+        steps.sort_unstable_by_key(|step| step.0);
         let mut pieces = Self::default();
         let mut height = Vec3::ZERO;
         for run in steps.chunk_by(|a, b| a.0 == b.0).take_while(|run| run[0].0 < count) {
