@@ -13,6 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -122,6 +123,8 @@ impl Node for FinalGather {
         };
         let stage = job.progress.stage("final gathering", DONE);
         let mut done = 0;
+        // When the last picture was shown, and how long that took.
+        let mut shown: Option<(Instant, Duration)> = None;
         loop {
             match renderer.step(&job.progress) {
                 Ok(false) => break,
@@ -130,9 +133,13 @@ impl Node for FinalGather {
                     // Whether to stop is for the next step to say: it leaves the picture whole.
                     let _ = stage.advance(now.saturating_sub(done));
                     done = done.max(now);
-                    if let (Some(show), Some(values)) = (job.show, picture(&renderer)) {
-                        show(values);
+                    let Some(show) = job.show else { continue };
+                    let start = Instant::now();
+                    if shown.is_some_and(|(end, took)| start - end < took * SHOWN_APART) {
+                        continue;
                     }
+                    picture(&renderer).into_iter().for_each(show);
+                    shown = Some((Instant::now(), start.elapsed()));
                 }
                 Err(Error::Cancelled) if job.keeps_best && renderer.passes() > 0 => {
                     let error = match renderer.estimate.error() {
@@ -176,5 +183,7 @@ impl Node for FinalGather {
     }
 }
 
+/// Pictures on the way are apart by as many times what they take to make.
+const SHOWN_APART: u32 = 12;
 /// Steps of the bar.
 const DONE: u64 = 1000;

@@ -26,7 +26,8 @@ pub struct Gather {
     /// Squared bounding radius of each of the 2M tree nodes, m²; 0 for leaves, infinite where normals differ too much
     /// for the node to stand for its samples.
     pub radius2: Array<f32>,
-    /// Per triangle: offsets into `cells` for its front and back (`sample_cells::DEAD` for none), and cells along an edge.
+    /// Per triangle: offsets into `cells` for its front and back (`sample_cells::DEAD` for none), cells along an edge,
+    /// and which way it looks.
     pub sides: Array<[u32; 4]>,
     /// The nearest sample of each small cell of each live triangle side.
     pub cells: Array<u32>,

@@ -56,7 +56,13 @@ impl Cell {
     }
 }
 
-/// Where the cells of the sides of one triangle start, and cells along an edge; nothing on a dead side.
+/// Which way the front of a triangle looks, as the axis along which it does most, and 4 more where that is down it.
+fn facing(area_vector: Vec3) -> u32 {
+    let axis = area_vector.abs().max_position();
+    axis as u32 + if area_vector[axis] < 0.0 { 4 } else { 0 }
+}
+
+/// Where the cells of a side start, and cells along an edge; nothing on a dead side.
 fn first_and_cut(side: &[u32; 4], front: bool) -> Option<(u32, u32)> {
     let first = side[usize::from(!front)];
     (first != DEAD).then_some((first, side[2]))
@@ -79,7 +85,7 @@ fn cut(geometry: &Geometry, live: &Live, area: f32, each: f32) -> (Vec<[u32; 4]>
             total += if is_live { k * k } else { 0 };
             first
         });
-        [front, back, k, 0]
+        [front, back, k, facing(geometry.area_vector(triangle))]
     };
     let sides = (0..geometry.corners.len()).map(side).collect();
     (sides, total as usize)
@@ -189,17 +195,26 @@ impl NearestSample {
         (48 + 28) * self.points.len() as u64 + 16 * self.sides.len() as u64 + 4 * self.cells.len() as u64
     }
 
-    /// The sample nearest to a place of a triangle's side; `None` on a dead one. `geometry`: that of `new`.
-    pub fn at(&self, geometry: &Geometry, triangle: u32, [u, v]: [f32; 2], front: bool) -> Option<u32> {
-        let (first, k) = first_and_cut(&self.sides[triangle as usize], front)?;
+    /// The sample nearest to a hit; `None` on a dead side, and for none. `geometry`: that of `new`.
+    pub fn at(&self, geometry: &Geometry, hit: &SurfacePoint, [u, v]: [f32; 2]) -> Option<u32> {
+        if !hit.exists() {
+            return None;
+        }
+        let side = &self.sides[hit.triangle as usize];
+        // The geometry itself would say so, too, from farther away in memory.
+        let front = (hit.geometric_normal[(side[3] & 3) as usize] < 0.0) == (side[3] >= 4);
+        let (first, k) = first_and_cut(side, front)?;
         let cell = Cell::of(u, v, k);
         let known = &self.cells[(first + cell.index(k)) as usize];
         let mut sample = known.load(Ordering::Relaxed);
         if sample == UNKNOWN {
             // Whoever else finds it meanwhile finds the same.
             let [u, v] = cell.centroid(k);
-            sample =
-                self.finder.nearest(geometry, &self.points, &geometry.surface_point(triangle as usize, u, v, front));
+            sample = self.finder.nearest(
+                geometry,
+                &self.points,
+                &geometry.surface_point(hit.triangle as usize, u, v, front),
+            );
             known.store(sample, Ordering::Relaxed);
         }
         Some(sample)
@@ -210,8 +225,7 @@ impl NearestSample {
 mod tests {
     use super::*;
     use crate::scene::builtin;
-    use crate::transport::Gather;
-    use crate::transport::sampled::origin::side;
+    use crate::transport::gather::Gather;
     use crate::transport::sampling::{hash, unit};
 
     /// In whatever order cells are asked for, each has what all at once would have; dead sides have nothing.
@@ -220,7 +234,9 @@ mod tests {
         let geometry = &builtin::scene("room").unwrap().geometry;
         let live: Live = (0..geometry.corners.len()).map(|triangle| (triangle % 4) as u8).collect();
         let gather = Gather::place(geometry, &live, 1024).unwrap();
-        let addresses: Vec<u32> = gather.points.iter().map(|point| side(geometry, point)).collect();
+        let is_front =
+            |p: &SurfacePoint| geometry.area_vector(p.triangle as usize).dot(p.geometric_normal.into()) >= 0.0;
+        let addresses: Vec<u32> = gather.points.iter().map(|p| 2 * p.triangle + u32::from(!is_front(p))).collect();
         let nearest = NearestSample::new(geometry, &live, &addresses, &gather.barycentrics);
         let all = nearest_of_sides(geometry, nearest.points(), gather.area, &nearest.sides);
         assert_eq!(all.len(), nearest.cells.len());
@@ -229,7 +245,8 @@ mod tests {
             let [which, u, v, front] = [0, 1, 2, 3].map(|n| unit(hash(4 * i + n)));
             let triangle = (which * geometry.corners.len() as f32) as u32;
             let (front, at) = (front < 0.5, [u, v * (1.0 - u)]);
-            let found = nearest.at(geometry, triangle, at, front);
+            let hit = geometry.surface_point(triangle as usize, at[0], at[1], front);
+            let found = nearest.at(geometry, &hit, at);
             assert_eq!(found, cell(&nearest.sides, triangle, at, front).map(|cell| all[cell]));
             let is_live = live[triangle as usize] & if front { 1 } else { 2 } != 0;
             assert_eq!(found.is_some(), is_live);

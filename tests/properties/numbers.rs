@@ -3,7 +3,7 @@
 use chiaro::device::Device;
 use chiaro::kernels::colour_edits::{ColourEdit, colour_edits};
 use chiaro::transport::atoms;
-use chiaro::transport::gather::cell_index;
+use chiaro::transport::sample_cells::{DEAD, cell};
 use chiaro::transport::sparse::{EntryFormat, SparseRows};
 use chiaro::transport::tone_curve::ToneCurve;
 use glam::Mat3;
@@ -114,7 +114,7 @@ proptest! {
     #[test]
     fn a_point_lies_in_its_cell(k in 1u32..200, a in 0.0f32..=1.0, b in 0.0f32..=1.0) {
         let (u, v) = if a + b <= 1.0 { (a, b) } else { (1.0 - a, 1.0 - b) };
-        let index = cell_index(u, v, k);
+        let index = cell(&[[0, DEAD, k, 0]], 0, [u, v], true).unwrap() as u32;
         prop_assert!(index < k * k);
         // Back from the index: row i holds 2 (k - i) - 1 cells, up and down by turns.
         let i = (0..k).take_while(|i| i * (2 * k - i) <= index).last().unwrap();

@@ -1,19 +1,14 @@
-//! The irradiance cache: records of light at some places, and what they say of light at others.
+//! The irradiance cache: records of light at some places (Ward et al. 1988; thesis 3.2), of which `look_up` makes light at
+//! others.
 //!
-//! Record i, of mean distance `R_i` to what it sees, counts at a place p with normal n by (Ward et al. 1988, eq. 6; thesis
-//! eq. 3.2)
-//!
-//! ```text
-//! w_i(p) = 1 / e_i(p) - 1 / a,   e_i(p) = |p - p_i| / R_i + b_i sqrt(1 - n . n_i)
-//! ```
-//!
-//! where `b_i` is 1 but for light from near the horizon, `e_i < a` and p does not lie in front of it; what is taken off
-//! makes weights fade out instead of ending. Each adds its light with its gradients. `R_i` is no larger than that of any
-//! record which lies where i counts, and the way to there (Křivánek et al. 2006), so that no record overlooks what its
-//! neighbours see; and no smaller than what the picture can show.
+//! `R_i`, how far record i counts, is no larger than that of any record which lies where i counts, and the way to there
+//! (Křivánek et al. 2006), so that no record overlooks what its neighbours see; and no smaller than what the picture can
+//! show.
 
 use super::hemisphere::Gradients;
 use super::index::Index;
+use super::look_up::Shape;
+use super::parting::{Parting, Spot};
 use crate::scene::SurfacePoint;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -37,40 +32,13 @@ pub struct Record {
     pub variance: f32,
 }
 
-/// What records are looked up by, in one cache line.
-#[derive(Clone, Copy, Debug)]
-struct Shape {
-    position: Vec3,
-    /// Beyond, it does not count, m².
-    reach2: f32,
-    normal: Vec3,
-    /// 1 / R.
-    inverse: f32,
-    bend: f32,
-    /// Where a record is made to count farther than its light allows, gradients are followed by this less.
-    damping: f32,
-    variance: f32,
-    /// `Receivers::kind`.
-    kind: u64,
-}
-
-/// How places are told apart.
-pub trait Receivers: Sync {
-    /// Weights a place.
-    fn count(&self) -> usize;
-    /// Places of one kind do not part ways.
-    fn kind(&self, spot: &Spot) -> u64;
-    /// A record at `here` says nothing of a place `there`.
-    fn part_ways(&self, here: &Spot, there: &Spot) -> bool;
-}
-
 #[derive(Clone)]
-pub struct Cache<'a> {
+pub struct Cache {
     /// `a`: the largest error that a record may have where it counts.
-    error: f32,
+    pub(super) error: f32,
     /// Of a pixel: what a record covers at least.
     pixels: f32,
-    edits: &'a dyn Receivers,
+    pub(super) parting: Parting,
     pub records: Vec<Record>,
     /// Weights of receivers, those of a record one after another.
     pub receivers: Vec<f32>,
@@ -78,9 +46,9 @@ pub struct Cache<'a> {
     pub light: Vec<Gradients>,
     /// Derivatives of the light by each receiver's weight, those of a record one after another, W/m²; by themselves, since
     /// most places do not ask for them. How they change with place matters only where weights do, and is left out.
-    changes: Vec<Vec4>,
-    shapes: Vec<Shape>,
-    index: Index,
+    pub(super) changes: Vec<Vec4>,
+    pub(super) shapes: Vec<Shape>,
+    pub(super) index: Index,
 }
 
 /// Records to add, in columns as the cache has them.
@@ -92,31 +60,12 @@ pub struct Fresh {
     pub changes: Vec<Vec4>,
 }
 
-/// A place that is asked about.
-#[derive(Clone, Copy)]
-pub struct Spot<'a> {
-    pub point: &'a SurfacePoint,
-    /// Weight of each receiver there.
-    pub receivers: &'a [f32],
-}
-
-/// What the cache says of a place.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Found {
-    /// Irradiance, W/m².
-    pub light: Vec4,
-    /// Sum of weights; 0: nothing is known here.
-    pub weight: f32,
-    /// Mean squared error by noise.
-    pub variance: f32,
-}
-
-impl<'a> Cache<'a> {
-    pub fn new(error: f32, pixels: f32, edits: &'a dyn Receivers) -> Self {
+impl Cache {
+    pub fn new(error: f32, pixels: f32, parting: Parting) -> Self {
         Self {
             error,
             pixels,
-            edits,
+            parting,
             records: Vec::new(),
             receivers: Vec::new(),
             light: Vec::new(),
@@ -131,7 +80,7 @@ impl<'a> Cache<'a> {
     }
 
     pub fn spot(&self, record: usize) -> Spot<'_> {
-        let count = self.edits.count();
+        let count = self.parting.count;
         Spot { point: &self.records[record].place, receivers: &self.receivers[record * count..][..count] }
     }
 
@@ -198,7 +147,7 @@ impl<'a> Cache<'a> {
                 bend: record.bend.max(bend(light)),
                 damping: (record.radius / radius).min(1.0),
                 variance: record.variance,
-                kind: self.edits.kind(&self.spot(number)),
+                kind: self.parting.kind(&self.spot(number)),
             }
         };
         let light = self.light[first..].par_iter();
@@ -212,54 +161,6 @@ impl<'a> Cache<'a> {
         self.index = Index::new(&spheres);
     }
 
-    /// The light at a place.
-    #[inline]
-    pub fn look_up(&self, spot: &Spot) -> Found {
-        self.look_up_with(spot, |_, _| {})
-    }
-
-    /// As `look_up`; `tell` hears which records count, and how much.
-    #[inline]
-    pub fn look_up_with(&self, spot: &Spot, mut tell: impl FnMut(usize, f32)) -> Found {
-        let normal = Vec3::from(spot.point.normal);
-        let (mut total, mut variance, mut light) = (0.0, 0.0, Vec4::ZERO);
-        let count = self.edits.count();
-        self.visit(spot, |record, weight, by| {
-            let shape = &self.shapes[record];
-            let (by, turn) = (by * shape.damping, shape.normal.cross(normal));
-            tell(record, weight);
-            total += weight;
-            variance += weight * weight * shape.variance;
-            let all = &self.light[record];
-            let mut here = all.at(by, turn);
-            for e in 0..count {
-                let apart = spot.receivers[e] - self.receivers[record * count + e];
-                if apart != 0.0 {
-                    here += self.changes[record * count + e] * apart;
-                }
-            }
-            // Gradients lead below what can be, edits may lead there on purpose.
-            light += here.max(all.value.min(Vec4::ZERO)) * weight;
-            true
-        });
-        if total > 0.0 {
-            light /= total;
-            variance /= total * total;
-        }
-        Found { light, weight: total, variance }
-    }
-
-    /// How many rays the records that count at a place have; `None` where there are none.
-    pub fn rays_near(&self, spot: &Spot) -> Option<u32> {
-        let (mut total, mut rays) = (0.0, 0.0);
-        self.visit(spot, |record, weight, _| {
-            total += weight;
-            rays += weight * self.records[record].rays as f32;
-            true
-        });
-        (total > 0.0).then(|| (rays / total) as u32)
-    }
-
     /// Takes one more set of rays into a record.
     pub fn refine(&mut self, record: usize, light: &Gradients, changes: &[Vec4], rays: u32) {
         let here = &mut self.records[record];
@@ -270,53 +171,11 @@ impl<'a> Cache<'a> {
         // One difference says little: what the rays so far say counts as much.
         here.variance = 0.5 * (apart * share * (1.0 - share) + here.variance * (1.0 - share));
         self.light[record] = self.light[record].mix(light, share);
-        let count = self.edits.count();
+        let count = self.parting.count;
         for (old, new) in self.changes[record * count..].iter_mut().zip(changes) {
             *old = old.lerp(*new, share);
         }
         here.rays += rays;
-    }
-
-    /// Whether a record counts at a place whose error there is below `share` of what it may be.
-    #[inline]
-    pub fn covers(&self, spot: &Spot, share: f32) -> bool {
-        let least = (1.0 / share - 1.0) / self.error;
-        let mut covered = false;
-        self.visit(spot, |_, weight, _| {
-            covered = weight >= least;
-            !covered
-        });
-        covered
-    }
-
-    /// The records that count at a place: number, weight, and way from there. False ends it.
-    #[inline]
-    pub fn visit(&self, spot: &Spot, mut take: impl FnMut(usize, f32, Vec3) -> bool) {
-        if self.shapes.is_empty() {
-            return;
-        }
-        let (at, normal) = (Vec3::from(spot.point.position), Vec3::from(spot.point.normal));
-        let kind = self.edits.kind(spot);
-        self.index.near(at, |record| {
-            let shape = &self.shapes[record as usize];
-            let by = at - shape.position;
-            let squared = by.length_squared();
-            if squared >= shape.reach2 {
-                return true;
-            }
-            // 1 - n . n_i, and exactly 0 for a record's own place.
-            let turned = 0.5 * normal.distance_squared(shape.normal);
-            let error = squared.sqrt() * shape.inverse + shape.bend * turned.sqrt();
-            // In front of it, a place sees what the record has behind itself.
-            if error >= self.error || by.dot(normal + shape.normal) * shape.inverse < -0.1 * self.error {
-                return true;
-            }
-            if shape.kind != kind && self.edits.part_ways(&self.spot(record as usize), spot) {
-                return true;
-            }
-            let weight = 1.0 / error.max(1e-3 * self.error) - 1.0 / self.error;
-            weight <= 0.0 || take(record as usize, weight, by)
-        });
     }
 }
 

@@ -1,6 +1,5 @@
 //! All that changes light between surfaces and places: the edits of a list in transit, procedural and sampled.
 
-use super::cache::{Receivers, Spot};
 use super::incident::Incident;
 use super::pieces::Pieces;
 use super::sampled::SampledEdits;
@@ -157,33 +156,5 @@ impl<'a> Crossing<'a> {
             changes[count] = (sum + added - other.iter().sum::<Vec4>()) / amount;
         }
         (added, changes)
-    }
-}
-
-impl Receivers for Crossing<'_> {
-    fn count(&self) -> usize {
-        self.receivers()
-    }
-
-    /// A hash of the weights (FNV-1a, words for bytes), whose low bits are left to others.
-    fn kind(&self, spot: &Spot) -> u64 {
-        let mix = |hash: u64, weight: &f32| (hash ^ u64::from(weight.to_bits())).wrapping_mul(0x0100_0000_01b3);
-        spot.receivers.iter().fold(0xcbf2_9ce4_8422_2325, mix) << 32
-    }
-
-    /// Something acts on the second alone, whose part the first does not have; or too much is different at once.
-    fn part_ways(&self, here: &Spot, there: &Spot) -> bool {
-        let (here, there) = (here.receivers, there.receivers);
-        if here == there {
-            return false;
-        }
-        let untouched = here.iter().zip(there).any(|(here, there)| *here == 0.0 && *there != 0.0);
-        let (mut sum, mut squares) = (0.0, 0.0);
-        here.iter().zip(there).for_each(|(here, there)| {
-            let apart = (here - there).abs();
-            (sum, squares) = (sum + apart, squares + apart * apart);
-        });
-        // Derivatives by two receivers at once are not kept.
-        untouched || sum * sum - squares > 0.1
     }
 }

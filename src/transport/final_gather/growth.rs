@@ -1,8 +1,9 @@
 //! How the cache grows: records where there are none, more rays where noise is seen, finer interpolation.
 
-use super::cache::{Cache, Found, Fresh, Record};
+use super::cache::{Cache, Fresh, Record};
 use super::gatherer::{Gathered, Gathers, Places};
 use super::hemisphere::Gradients;
+use super::look_up::Found;
 use super::placement::{Placement, View};
 use crate::Result;
 use crate::progress::Stage;
@@ -50,7 +51,7 @@ pub struct Asked<'a> {
     pub view: View<'a>,
     /// The cache as it was when it covered such a picture: it says how many rays a place needs, and is held against what is
     /// found there.
-    pub before: Option<&'a Cache<'a>>,
+    pub before: Option<&'a Cache>,
     /// Of a place, where nothing is known.
     pub rays: u32,
     /// See `Placement`.

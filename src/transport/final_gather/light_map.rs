@@ -1,8 +1,10 @@
 //! One kind of light over a picture, as a cache that is refined: irradiance, or what glossy surfaces reflect.
 
-use super::cache::{Cache, Found, Receivers};
+use super::cache::Cache;
 use super::estimate::{Demand, Estimate};
 use super::growth::{Asked, FEWEST, Growth, OVERLAP};
+use super::look_up::Found;
+use super::parting::Parting;
 use super::placement::View;
 use crate::Result;
 use crate::progress::Progress;
@@ -32,7 +34,7 @@ pub struct Seeing<'a> {
 
 pub struct LightMap<'a> {
     growth: Growth<'a>,
-    pub cache: Cache<'a>,
+    pub cache: Cache,
     /// Of the cache as it is.
     demand: Option<Demand>,
     /// Relative to the light of this map alone.
@@ -47,10 +49,10 @@ pub struct LightMap<'a> {
 
 impl<'a> LightMap<'a> {
     /// `error`: `a` of the cache when it starts; `most`: rays of a place.
-    pub fn new(growth: Growth<'a>, receivers: &'a dyn Receivers, error: f32, most: u32) -> Self {
+    pub fn new(growth: Growth<'a>, parting: Parting, error: f32, most: u32) -> Self {
         Self {
             growth,
-            cache: Cache::new(error, PIXELS, receivers),
+            cache: Cache::new(error, PIXELS, parting),
             demand: None,
             estimate: Estimate::default(),
             evened: 0,

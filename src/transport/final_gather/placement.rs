@@ -3,7 +3,8 @@
 //! Every round asks for one place in each block of pixels that is not covered; what the round gathers covers most of its
 //! neighbours. So records depend on the picture alone, whatever the number of threads.
 
-use super::cache::{Cache, Spot};
+use super::cache::Cache;
+use super::parting::Spot;
 use crate::scene::SurfacePoint;
 use rayon::prelude::*;
 use std::cmp::Ordering;

@@ -4,7 +4,6 @@
 //! The eye stands still, so reflected radiance is a function of the place alone, and is cached as irradiance is; it changes
 //! as fast as the lobe is narrow, until each sample gathers for itself.
 
-use super::cache::{Receivers, Spot};
 use super::crossing::{Crossing, Rows, Scratch};
 use super::gatherer::{Gathered, Gathers, Places};
 use super::hemisphere::{Gradients, Hemisphere};
@@ -120,20 +119,5 @@ impl Gathers for Reflections<'_> {
             stage.advance(u64::from(rays) * places.points.len() as u64)?;
         }
         Ok(all)
-    }
-}
-
-impl Receivers for Reflections<'_> {
-    fn count(&self) -> usize {
-        self.crossing.count()
-    }
-
-    fn kind(&self, spot: &Spot) -> u64 {
-        self.crossing.kind(spot) ^ u64::from(spot.point.material)
-    }
-
-    /// Another material has another lobe.
-    fn part_ways(&self, here: &Spot, there: &Spot) -> bool {
-        here.point.material != there.point.material || self.crossing.part_ways(here, there)
     }
 }

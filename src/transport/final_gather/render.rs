@@ -9,6 +9,7 @@ use super::gatherer::Gatherer;
 use super::growth::Growth;
 use super::incident::Incident;
 use super::light_map::{LightMap, Seeing};
+use super::parting::Parting;
 use super::placement::View;
 use super::reflections::Reflections;
 use super::view::{Pass, Seen};
@@ -105,12 +106,13 @@ impl<'a> Renderer<'a> {
         memory::require(Film::BYTES * pixels, &format!("{width} x {height} pixels"), "lower width or height")?;
         let (camera, height, error) = (seen.camera, height as usize, settings.cache_error);
         let growth = Growth { gatherer: &light.irradiance, camera, height };
+        let parting = |by_material| Parting { count: light.crossing.receivers(), by_material };
         let glossy = light.reflections.as_ref().map(|reflections| {
             let growth = Growth { gatherer: reflections, camera, height };
-            LightMap::new(growth, reflections, error, settings.rays)
+            LightMap::new(growth, parting(true), error, settings.rays)
         });
         Ok(Self {
-            diffuse: LightMap::new(growth, light.crossing, error, settings.rays),
+            diffuse: LightMap::new(growth, parting(false), error, settings.rays),
             glossy,
             first: None,
             film: Film::new(camera, pixels as usize),
@@ -161,12 +163,12 @@ impl<'a> Renderer<'a> {
     }
 
     /// Of irradiance.
-    pub fn cache(&self) -> &Cache<'a> {
+    pub fn cache(&self) -> &Cache {
         &self.diffuse.cache
     }
 
     /// Of what shining surfaces reflect.
-    pub fn glossy_cache(&self) -> Option<&Cache<'a>> {
+    pub fn glossy_cache(&self) -> Option<&Cache> {
         self.glossy.as_ref().map(|glossy| &glossy.cache)
     }
 

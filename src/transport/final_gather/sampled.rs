@@ -63,15 +63,6 @@ impl<'a> SampledEdits<'a> {
         Ok(Self { geometry, sampled, nearest, view, pieces, added: Vec::new() })
     }
 
-    /// The gather sample nearest to a hit; `None` where there is none on that side.
-    fn sample(&self, point: &SurfacePoint, barycentrics: [f32; 2]) -> Option<u32> {
-        if !point.exists() {
-            return None;
-        }
-        let front = self.geometry.area_vector(point.triangle as usize).dot(point.geometric_normal.into()) >= 0.0;
-        self.nearest.at(self.geometry, point.triangle, barycentrics, front)
-    }
-
     pub fn changes_source(&self) -> bool {
         self.sampled.source.scale.is_some() || self.sampled.source.offset.is_some()
     }
@@ -98,7 +89,7 @@ impl<'a> SampledEdits<'a> {
         asked: impl Fn(usize) -> bool + Sync,
     ) -> Vec<Option<u32>> {
         let each = points.par_iter().zip(barycentrics).enumerate().with_min_len(1024);
-        each.map(|(i, (point, at))| if asked(i) { self.sample(point, *at) } else { None }).collect()
+        each.map(|(i, (point, at))| if asked(i) { self.nearest.at(self.geometry, point, *at) } else { None }).collect()
     }
 
     pub fn changes_transit(&self) -> bool {
