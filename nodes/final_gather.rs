@@ -13,7 +13,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -123,8 +122,8 @@ impl Node for FinalGather {
         };
         let stage = job.progress.stage("final gathering", DONE);
         let mut done = 0;
-        // When the last picture was shown, and how long that took.
-        let mut shown: Option<(Instant, Duration)> = None;
+        // Samples of a pixel in the last picture that was shown.
+        let mut shown = 0;
         loop {
             match renderer.step(&job.progress) {
                 Ok(false) => break,
@@ -133,13 +132,15 @@ impl Node for FinalGather {
                     // Whether to stop is for the next step to say: it leaves the picture whole.
                     let _ = stage.advance(now.saturating_sub(done));
                     done = done.max(now);
-                    let Some(show) = job.show else { continue };
-                    let start = Instant::now();
-                    if shown.is_some_and(|(end, took)| start - end < took * SHOWN_APART) {
-                        continue;
+                    let passes = renderer.passes();
+                    // What few more samples change is not worth the time to show it.
+                    let is_due = passes == 1 || 2 * passes >= 3 * shown;
+                    if let Some(show) = job.show.filter(|_| is_due)
+                        && let Some(values) = picture(&renderer)
+                    {
+                        show(values);
+                        shown = passes;
                     }
-                    picture(&renderer).into_iter().for_each(show);
-                    shown = Some((Instant::now(), start.elapsed()));
                 }
                 Err(Error::Cancelled) if job.keeps_best && renderer.passes() > 0 => {
                     let error = match renderer.estimate.error() {
@@ -183,7 +184,5 @@ impl Node for FinalGather {
     }
 }
 
-/// Pictures on the way are apart by as many times what they take to make.
-const SHOWN_APART: u32 = 12;
 /// Steps of the bar.
 const DONE: u64 = 1000;
