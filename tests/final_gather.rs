@@ -283,6 +283,35 @@ fn reflections_are_those_of_the_preview() {
     assert!(found <= 0.05 && least > 2.0 * found, "{found}, without reflections {least}");
 }
 
+/// Light that no scale gives, because paths had to be opened for it, is added to what is diffuse alone: sampled edits, on
+/// surfaces that shine.
+#[test]
+fn sampled_edits_on_what_shines_are_those_of_the_preview() {
+    let view = json!({ "width": 160, "height": 120 });
+    let plan = room::recipe(json!({
+        "hall": { "type": "scene", "params": { "file": "builtin:hall" } },
+        "eye": { "type": "camera", "params": { "name": "stairs" }, "inputs": { "scene": "hall" } },
+        "view": { "type": "view_samples", "params": view, "inputs": { "scene": "hall", "camera": "eye" } },
+        "shining": { "type": "transfer", "params": { "gather_samples": 65536, "glossy": "ggx" },
+                     "inputs": { "scene": "hall", "samples": "view" } },
+        "urn": { "type": "pick", "params": { "objects": ["urn"] }, "inputs": { "scene": "hall" } },
+        "hue": { "type": "caster_receiver", "params": { "brightness": 2.0, "hue": 150.0 }, "inputs": { "receiver": "urn" } },
+        "open": { "type": "indirect_shadow", "params": { "amount": 0.8 },
+                  "inputs": { "receiver": "urn", "edits": "hue" } },
+        "sampled": { "type": "scale_offset",
+                     "inputs": { "scene": "hall", "transfer": "shining", "edits": "open" } },
+        "plain": { "type": "relight", "inputs": { "scene": "hall", "transfer": "shining" } },
+        "before": { "type": "relight", "inputs": { "scene": "hall", "transfer": "shining", "edits": "sampled" } },
+        "after": { "type": "final_gather",
+                   "params": { "width": 160, "height": 120, "samples_per_pixel": 1, "tolerance": 0.02 },
+                   "inputs": { "scene": "hall", "camera": "eye", "edits": "sampled" } },
+    }));
+    let [plain, before, after] = ["plain", "before", "after"].map(|node| picture(&plan, node));
+    let (found, least) = (apart(&after, &before), apart(&plain, &before));
+    println!("{:.2} %, without edits {:.2} %", 100.0 * found, 100.0 * least);
+    assert!(found <= 0.05 && least > 2.0 * found, "{found}, without edits {least}");
+}
+
 #[test]
 fn the_picture_is_the_same_for_any_number_of_threads() {
     let params = json!({ "width": 50, "height": 38, "samples_per_pixel": 3, "tolerance": 0.05, "bounces": 3 });

@@ -162,4 +162,28 @@ mod tests {
             }
         }
     }
+
+    /// Spheres far smaller than what roundings move the borders of cells by are found from their middles and rims.
+    #[test]
+    fn spheres_smaller_than_roundings_are_found() {
+        let random = |i: u32| unit(hash(i));
+        let spheres: Vec<(Vec3, f32)> = (0..50_000)
+            .map(|i| {
+                let at = 3.0 * Vec3::new(random(5 * i), random(5 * i + 1), random(5 * i + 2));
+                (at, 10f32.powf(-5.0 - 5.0 * random(5 * i + 3)))
+            })
+            .collect();
+        let index = Index::new(&spheres);
+        for (record, (centre, radius)) in spheres.iter().enumerate() {
+            let rims = Vec3::AXES.into_iter().flat_map(|axis| [axis, -axis]).map(|way| *centre + way * *radius * 0.999);
+            for place in rims.chain([*centre]).filter(|place| place.distance_squared(*centre) < radius * radius) {
+                let mut found = false;
+                index.near(place, |near| {
+                    found |= near == record as u32;
+                    true
+                });
+                assert!(found, "{record} at {place}, of radius {radius}");
+            }
+        }
+    }
 }
