@@ -19,8 +19,8 @@ pub struct EditedView<'a> {
     touches: Vec<bool>,
     /// Of each sample: what its rows count together.
     amounts: Vec<f32>,
-    /// Of each sample of objects that are touched: where all those around it are of its surface and count as much as it does, the largest distance to
-    /// one, squared, m²; 0 elsewhere.
+    /// Of each sample of objects that are touched: where all those around it are of its surface and count as much as it
+    /// does, the largest distance to one, squared, m²; 0 elsewhere.
     even: Vec<f32>,
 }
 
