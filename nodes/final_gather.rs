@@ -117,8 +117,8 @@ impl Node for FinalGather {
         let mut renderer = Renderer::new(&light, seen, settings)?;
         let (width, height) = (self.width as usize, self.height as usize);
         let picture = |renderer: &Renderer| {
-            let layers = renderer.layers()?;
-            Some(vec![Value::Image(Arc::new(Image { width, height, layers, ..Image::default() }))])
+            let layers = renderer.layers()?.unwrap_or_default();
+            Ok::<_, Error>(vec![Value::Image(Arc::new(Image { width, height, layers, ..Image::default() }))])
         };
         let stage = job.progress.stage("final gathering", DONE);
         let mut done = 0;
@@ -135,10 +135,8 @@ impl Node for FinalGather {
                     let passes = renderer.passes();
                     // What few more samples change is not worth the time to show it.
                     let is_due = passes == 1 || 2 * passes >= 3 * shown;
-                    if let Some(show) = job.show.filter(|_| is_due)
-                        && let Some(values) = picture(&renderer)
-                    {
-                        show(values);
+                    if let Some(show) = job.show.filter(|_| is_due) {
+                        show(picture(&renderer)?);
                         shown = passes;
                     }
                 }
@@ -158,7 +156,7 @@ impl Node for FinalGather {
             }
         }
         drop(stage);
-        if let Some(dark) = renderer.is_dark() {
+        if let Some(dark) = renderer.is_dark()? {
             return Err(Error::compute(
                 format!(
                     "no light reaches what the camera sees, most of which is \"{}\"",
@@ -172,15 +170,18 @@ impl Node for FinalGather {
             job.note("glossy_records", glossy.records.len());
             job.note("glossy_rays", glossy.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
         }
-        let (rays, cpu) = (job.device.name(), Device::Cpu.name());
-        job.note("ran_on", json!({ "gather_rays": rays, "direct_light": rays, "cache": cpu }));
+        let (kernels, cpu) = (job.device.name(), Device::Cpu.name());
+        job.note(
+            "ran_on",
+            json!({ "gather_rays": kernels, "direct_light": kernels, "cached_light": kernels, "placement": cpu, "estimate": cpu }),
+        );
         job.note("records", cache.records.len());
         job.note("rays", cache.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
         job.note("cache_error", cache.error());
         job.note("error", renderer.estimate.error());
         job.note("noise", renderer.estimate.noise);
         job.note("interpolation", renderer.estimate.interpolation);
-        Ok(picture(&renderer).expect("the first step made a picture"))
+        picture(&renderer)
     }
 }
 

@@ -65,10 +65,11 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("names", &[]),
 ];
 
-/// The files of `transport/` that only say what a transfer is made of: gather samples, rows, low-discrepancy points.
-/// Kernels read them; all other files of that folder call kernels.
+/// The files of `transport/` that only say what a transfer is made of: gather samples, rows, low-discrepancy points; and
+/// records of a light cache. Kernels read them; all other files of that folder call kernels.
 const MATRIX: &str = "transport matrix";
-const MATRIX_FILES: &[&str] = &["cluster", "feature", "gather", "runs", "sample_cells", "sampling", "sparse", "ways"];
+const MATRIX_FILES: &[&str] =
+    &["cluster", "feature", "gather", "light_cache", "runs", "sample_cells", "sampling", "sparse", "ways"];
 
 const EVERYONE: &[&str] = &["Error", "Result", "error", "progress", "stored", "atomic", "memo", "memory", "names"];
 

@@ -328,7 +328,7 @@ fn the_picture_is_the_same_for_any_number_of_threads() {
     assert!(of(1) == of(5));
 }
 
-/// Rays go where the evaluation runs, the cache is looked into on the CPU; both find the same light.
+/// Rays and look-ups go where the evaluation runs, where records go is found on the CPU; both find the same light.
 #[test]
 fn the_report_says_what_ran_where() {
     let params = json!({ "width": 48, "height": 36, "samples_per_pixel": 1, "tolerance": 0.1 });
@@ -339,8 +339,8 @@ fn the_report_says_what_ran_where() {
         let name = device.name();
         let (image, report) = evaluated_on(device, &plan, "out", &Context::SILENT).unwrap();
         let ran = |part: &str| report.notes["ran_on"][part].as_str().unwrap().to_owned();
-        assert_eq!([ran("gather_rays"), ran("direct_light")], [name.clone(), name]);
-        assert!(ran("cache").starts_with("CPU"));
+        assert_eq!(["gather_rays", "direct_light", "cached_light"].map(ran), [(); 3].map(|()| name.clone()));
+        assert!(["placement", "estimate"].map(ran).iter().all(|device| device.starts_with("CPU")));
         image
     };
     let by_cpu = on(Device::Cpu);

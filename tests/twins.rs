@@ -4,6 +4,8 @@
 //! Runs on any adapter, a software driver included, one test at a time; without one every test is reported as ignored
 //! and a line says so.
 
+#[path = "twins/caches.rs"]
+mod caches;
 #[path = "twins/masks.rs"]
 mod masks;
 #[path = "twins/ratios.rs"]
@@ -51,6 +53,7 @@ type Test = fn(&Devices) -> Outcome;
 const TESTS: &[(&str, Test)] = &[
     ("average_pyramid", pyramids),
     ("blocked_rays", rays::blocked),
+    ("cached_light", caches::cached),
     ("colour_edits", edits),
     ("direct_light", rays::lights),
     ("entry_ways", entry_ways_of_rows),

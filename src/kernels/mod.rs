@@ -7,6 +7,7 @@
 
 pub mod average_pyramid;
 pub mod blocked_rays;
+pub mod cached_light;
 pub mod colour_edits;
 pub mod direct_light;
 pub mod entry_ways;
@@ -36,6 +37,7 @@ pub mod visibility_masks;
 
 pub use average_pyramid::average_pyramid;
 pub use blocked_rays::blocked_rays;
+pub use cached_light::cached_light;
 pub use colour_edits::colour_edits;
 pub use entry_ways::entry_ways;
 pub use haar_encode::{haar_decode, haar_encode};
@@ -75,6 +77,7 @@ const CREDIT_SHADERS: &[&str] =
 pub const ALL: &[&Kernel] = &[
     &average_pyramid::KERNEL,
     &blocked_rays::KERNEL,
+    &cached_light::KERNEL,
     &colour_edits::KERNEL,
     &direct_light::KERNEL,
     &entry_ways::KERNEL,

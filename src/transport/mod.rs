@@ -13,6 +13,7 @@ pub mod gather;
 pub mod glossy;
 pub mod hidden;
 pub mod keyframes;
+pub mod light_cache;
 pub mod lighting;
 mod met;
 pub mod nearest;

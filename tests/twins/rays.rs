@@ -2,12 +2,12 @@
 
 use super::*;
 
-fn room() -> Scene {
+pub fn room() -> Scene {
     builtin::scene("room").expect("it ships in the program")
 }
 
 /// What the room's camera sees, on the CPU.
-fn seen(scene: &Scene, width: u32, height: u32) -> Array<SurfacePoint> {
+pub fn seen(scene: &Scene, width: u32, height: u32) -> Array<SurfacePoint> {
     let visible =
         primary_visibility(&Device::Cpu, &scene.geometry, &scene.cameras[0], (width, height), &[[0.5; 2]]).unwrap();
     visible.points.into()

@@ -1,15 +1,12 @@
-//! The irradiance cache: records of light at some places (Ward et al. 1988; thesis 3.2), of which `look_up` makes light at
-//! others.
+//! The irradiance cache: records of light at some places (Ward et al. 1988; thesis 3.2), of which `light_cache` makes light
+//! at others.
 //!
 //! `R_i`, how far record i counts, is no larger than that of any record which lies where i counts, and the way to there
 //! (Křivánek et al. 2006), so that no record overlooks what its neighbours see; and no smaller than what the picture can
 //! show.
 
-use super::hemisphere::Gradients;
-use super::index::Index;
-use super::look_up::Shape;
-use super::parting::{Parting, Spot};
 use crate::scene::SurfacePoint;
+use crate::transport::light_cache::{Columns, Gradients, Index, Parting, Shape, Spot};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -34,21 +31,11 @@ pub struct Record {
 
 #[derive(Clone)]
 pub struct Cache {
-    /// `a`: the largest error that a record may have where it counts.
-    pub(super) error: f32,
     /// Of a pixel: what a record covers at least.
     pixels: f32,
-    pub(super) parting: Parting,
     pub records: Vec<Record>,
-    /// Weights of receivers, those of a record one after another.
-    pub receivers: Vec<f32>,
-    /// Of each record.
-    pub light: Vec<Gradients>,
-    /// Derivatives of the light by each receiver's weight, those of a record one after another, W/m²; by themselves, since
-    /// most places do not ask for them. How they change with place matters only where weights do, and is left out.
-    pub(super) changes: Vec<Vec4>,
-    pub(super) shapes: Vec<Shape>,
-    pub(super) index: Index,
+    /// What look-ups read of them.
+    pub columns: Columns,
 }
 
 /// Records to add, in columns as the cache has them.
@@ -62,31 +49,33 @@ pub struct Fresh {
 
 impl Cache {
     pub fn new(error: f32, pixels: f32, parting: Parting) -> Self {
-        Self {
-            error,
-            pixels,
-            parting,
-            records: Vec::new(),
-            receivers: Vec::new(),
-            light: Vec::new(),
-            changes: Vec::new(),
-            shapes: Vec::new(),
-            index: Index::default(),
-        }
+        Self { pixels, records: Vec::new(), columns: Columns::new(error, parting) }
     }
 
+    /// Largest error of a record where it counts (`a`).
     pub fn error(&self) -> f32 {
-        self.error
+        self.columns.error
     }
 
+    /// The place of a record.
     pub fn spot(&self, record: usize) -> Spot<'_> {
-        let count = self.parting.count;
-        Spot { point: &self.records[record].place, receivers: &self.receivers[record * count..][..count] }
+        Spot { point: &self.records[record].place, receivers: self.columns.receivers_of(record) }
+    }
+
+    /// How many rays the records that count at a place have; `None` where there are none.
+    pub fn rays_near(&self, spot: &Spot) -> Option<u32> {
+        let (mut total, mut rays) = (0.0, 0.0);
+        self.columns.visit(spot, |record, weight, _| {
+            total += weight;
+            rays += weight * self.records[record].rays as f32;
+            true
+        });
+        (total > 0.0).then(|| (rays / total) as u32)
     }
 
     /// Makes records count less far; `refresh` then.
     pub fn tighten(&mut self, error: f32, pixels: f32) {
-        (self.error, self.pixels) = (error, pixels);
+        (self.columns.error, self.pixels) = (error, pixels);
     }
 
     /// Adds records, and lets all of them see each other's distances; where old ones are `settled`, new ones alone see
@@ -94,9 +83,9 @@ impl Cache {
     pub fn extend(&mut self, fresh: Fresh, settled: bool) {
         let old = self.records.len();
         self.records.extend(fresh.records);
-        self.receivers.extend(fresh.receivers);
-        self.light.extend(fresh.light);
-        self.changes.extend(fresh.changes);
+        self.columns.receivers.extend(fresh.receivers);
+        self.columns.light.extend(fresh.light);
+        self.columns.changes.extend(fresh.changes);
         let changing = if settled { old } else { 0 };
         self.reshape(changing);
         self.reindex();
@@ -113,7 +102,7 @@ impl Cache {
         let radii: Vec<AtomicU32> = records.iter().map(|record| AtomicU32::new(record.radius.to_bits())).collect();
         records.par_iter().enumerate().with_min_len(64).for_each(|(number, there)| {
             let at = Vec3::from(there.place.position);
-            self.index.near(at, |other| {
+            self.columns.index.near(at, |other| {
                 let i = other as usize;
                 if i >= changing && (i >= new || number >= new) && i != number {
                     let radius = there.radius + at.distance(records[i].place.position.into());
@@ -134,7 +123,7 @@ impl Cache {
 
     /// Shapes of records from `first` on.
     fn reshape(&mut self, first: usize) {
-        let (error, pixels) = (self.error, self.pixels);
+        let (error, pixels) = (self.error(), self.pixels);
         let shape = |(number, light): (usize, &Gradients)| {
             let number = first + number;
             let record = &self.records[number];
@@ -147,18 +136,20 @@ impl Cache {
                 bend: record.bend.max(bend(light)),
                 damping: (record.radius / radius).min(1.0),
                 variance: record.variance,
-                kind: self.parting.kind(&self.spot(number)),
+                material: record.place.material,
+                kind: self.columns.parting.kind(record.place.material, self.columns.receivers_of(number)),
+                pad: [0; 3],
             }
         };
-        let light = self.light[first..].par_iter();
+        let light = self.columns.light[first..].par_iter();
         let shapes: Vec<Shape> = light.enumerate().with_min_len(1024).map(shape).collect();
-        self.shapes.truncate(first);
-        self.shapes.extend(shapes);
+        self.columns.shapes.truncate(first);
+        self.columns.shapes.extend(shapes);
     }
 
     fn reindex(&mut self) {
-        let spheres: Vec<(Vec3, f32)> = self.shapes.iter().map(|s| (s.position, s.reach2.sqrt())).collect();
-        self.index = Index::new(&spheres);
+        let spheres: Vec<(Vec3, f32)> = self.columns.shapes.iter().map(|s| (s.position, s.reach2.sqrt())).collect();
+        self.columns.index = Index::new(&spheres);
     }
 
     /// Takes one more set of rays into a record.
@@ -167,12 +158,13 @@ impl Cache {
         // Strata make the error of a set fall faster than by the root of its rays.
         let [before, more] = [here.rays, rays].map(|rays| (rays as f32).powf(1.5));
         let share = more / (before + more);
-        let apart = (light.value - self.light[record].value).truncate().length_squared();
+        let columns = &mut self.columns;
+        let apart = (light.value - columns.light[record].value).truncate().length_squared();
         // One difference says little: what the rays so far say counts as much.
         here.variance = 0.5 * (apart * share * (1.0 - share) + here.variance * (1.0 - share));
-        self.light[record] = self.light[record].mix(light, share);
-        let count = self.parting.count;
-        for (old, new) in self.changes[record * count..].iter_mut().zip(changes) {
+        columns.light[record] = columns.light[record].mix(light, share);
+        let count = columns.parting.count;
+        for (old, new) in columns.changes[record * count..].iter_mut().zip(changes) {
             *old = old.lerp(*new, share);
         }
         here.rays += rays;

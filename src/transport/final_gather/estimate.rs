@@ -61,7 +61,7 @@ impl Demand {
                 }
                 let factor = Vec4::from_array(seeing.factor[pixel]).truncate();
                 counted.clear();
-                let found = cache.look_up_with(&spot, |record, weight| counted.push((record, weight)));
+                let found = cache.columns.look_up_with(&spot, |record, weight| counted.push((record, weight)));
                 part.sum += f64::from((found.light.truncate() * factor).element_sum());
                 // The variance is of all channels together, so the factor is of their mean.
                 let share = f64::from(factor.length_squared()) / 3.0;
@@ -92,7 +92,7 @@ impl Demand {
         let variance = smooth_variance(cache);
         let rays: Vec<f64> = cache.records.iter().map(|record| f64::from(record.rays)).collect();
         let pull: Vec<f64> = (0..rays.len()).map(|i| (self.weights[i] * variance[i] * rays[i]).sqrt()).collect();
-        let light = |i: usize| f64::from(cache.light[i].value.truncate().length());
+        let light = |i: usize| f64::from(cache.columns.light[i].value.truncate().length());
         let usual = DARK * (0..rays.len()).map(light).sum::<f64>() / rays.len().max(1) as f64;
         let least: Vec<f64> = (0..rays.len())
             .map(|i| {
@@ -132,7 +132,7 @@ fn smooth_variance(cache: &Cache) -> Vec<f64> {
     let one = |record: usize| {
         let (mut total, mut sum) = (0.0, 0.0);
         let here = &cache.records[record];
-        cache.visit(&cache.spot(record), |other, weight, _| {
+        cache.columns.visit(&cache.spot(record), |other, weight, _| {
             // Itself it counts by far the most for.
             let weight = f64::from(weight.min(10.0 / cache.error()));
             total += weight;

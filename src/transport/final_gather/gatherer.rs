@@ -2,7 +2,7 @@
 //! all comes to, with edits on the way.
 
 use super::crossing::{Crossing, Scratch};
-use super::hemisphere::{Gradients, Hemisphere, Strata};
+use super::hemisphere::{Hemisphere, Strata};
 use super::incident::{Incident, Leaving};
 use super::photons::Photons;
 use super::transit::{Arrivals, weights};
@@ -11,6 +11,7 @@ use crate::kernels::blocked_rays;
 use crate::kernels::trace_rays::{RayRecord, Traced, trace_rays};
 use crate::progress::Stage;
 use crate::scene::SurfacePoint;
+use crate::transport::light_cache::Gradients;
 use crate::transport::sampling;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;

@@ -2,12 +2,11 @@
 
 use super::cache::{Cache, Fresh, Record};
 use super::gatherer::{Gathered, Gathers, Places};
-use super::hemisphere::Gradients;
-use super::look_up::Found;
 use super::placement::{Placement, View};
 use crate::Result;
 use crate::progress::Stage;
 use crate::scene::{Camera, SurfacePoint};
+use crate::transport::light_cache::{Found, Gradients};
 use crate::transport::sampling;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -103,7 +102,7 @@ impl Growth<'_> {
                     let light = a.light.mix(&b.light, 0.5);
                     let record = self.record(&points[i], seeds[i], a, b, class);
                     if let Some(before) = before {
-                        told.hear(&before.look_up(&view.spot(of[i])), &light, &record);
+                        told.hear(&before.columns.look_up(&view.spot(of[i])), &light, &record);
                     }
                     fresh.records.push(record);
                     fresh.light.push(light);

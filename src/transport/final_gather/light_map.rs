@@ -3,13 +3,12 @@
 use super::cache::Cache;
 use super::estimate::{Demand, Estimate};
 use super::growth::{Asked, FEWEST, Growth, OVERLAP};
-use super::look_up::Found;
-use super::parting::Parting;
 use super::placement::View;
 use crate::Result;
+use crate::device::Device;
+use crate::kernels::cached_light;
 use crate::progress::Progress;
-use glam::Vec4;
-use rayon::prelude::*;
+use crate::transport::light_cache::Parting;
 
 /// How much the cache's error is lowered at once.
 const FINER: f32 = std::f32::consts::FRAC_1_SQRT_2;
@@ -33,6 +32,8 @@ pub struct Seeing<'a> {
 }
 
 pub struct LightMap<'a> {
+    /// Where the light of pixels is looked up.
+    device: &'a Device,
     growth: Growth<'a>,
     pub cache: Cache,
     /// Of the cache as it is.
@@ -49,8 +50,9 @@ pub struct LightMap<'a> {
 
 impl<'a> LightMap<'a> {
     /// `error`: `a` of the cache when it starts; `most`: rays of a place.
-    pub fn new(growth: Growth<'a>, parting: Parting, error: f32, most: u32) -> Self {
+    pub fn new(device: &'a Device, growth: Growth<'a>, parting: Parting, error: f32, most: u32) -> Self {
         Self {
+            device,
             growth,
             cache: Cache::new(error, PIXELS, parting),
             demand: None,
@@ -147,28 +149,25 @@ impl<'a> LightMap<'a> {
         }
     }
 
-    /// The light of each pixel.
-    pub fn light(&self, view: &View) -> Vec<Vec4> {
-        self.found(view).into_iter().map(|found| found.light).collect()
+    /// The light of each pixel, and in the fourth element how much is known of it.
+    pub fn light(&self, view: &View) -> Result<Vec<[f32; 4]>> {
+        cached_light(self.device, &self.cache.columns, view.points, view.receivers)
     }
 
     /// The light of each pixel of another pass over the picture, whose gaps get records.
-    pub fn fill(&mut self, view: View, progress: &Progress) -> Result<Vec<Vec4>> {
-        let mut found = self.found(&view);
-        let is_gap = |pixel: &usize| found[*pixel].weight == 0.0 && view.points[*pixel].exists();
-        let gaps: Vec<usize> = (0..found.len()).filter(is_gap).collect();
+    pub fn fill(&mut self, view: View, progress: &Progress) -> Result<Vec<[f32; 4]>> {
+        let mut light = self.light(&view)?;
+        let is_gap = |pixel: &usize| light[*pixel][3] == 0.0 && view.points[*pixel].exists();
+        let gaps: Vec<usize> = (0..light.len()).filter(is_gap).collect();
         let all: u64 = self.cache.records.iter().map(|record| u64::from(record.rays)).sum();
         let rays = ((all / self.cache.records.len().max(1) as u64) as u32).max(2 * FEWEST);
         let stage = progress.stage("antialiasing", gaps.len() as u64 * u64::from(rays));
         let asked = Asked { view, before: None, rays, share: 1.0, gaps: Some(gaps.clone()) };
         self.growth.cover(&mut self.cache, asked, &stage)?;
-        gaps.into_iter().for_each(|pixel| found[pixel] = self.cache.look_up(&view.spot(pixel)));
-        Ok(found.into_iter().map(|found| found.light).collect())
-    }
-
-    fn found(&self, view: &View) -> Vec<Found> {
-        let pixels = (0..view.points.len()).into_par_iter().with_min_len(256);
-        pixels.map(|pixel| self.cache.look_up(&view.spot(pixel))).collect()
+        for pixel in gaps {
+            light[pixel] = self.cache.columns.look_up(&view.spot(pixel)).light.to_array();
+        }
+        Ok(light)
     }
 
     fn assess(&mut self, seeing: &Seeing) {

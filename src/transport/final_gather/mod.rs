@@ -8,7 +8,7 @@
 //! incident    light that leaves what these meet
 //! source      edits of that light; bounces: what arrives there after more than one
 //! crossing    edits on the way to a place: procedural (transit) and sampled (sampled, edited_view, pieces); eye: after that
-//! cache       records; look_up: what they say of other places (index: which of them; parting: of which not)
+//! cache       records; what they say of other places: light_cache
 //! growth      more records, more rays
 //! estimate    how far the picture is from the truth, and where rays help
 //! film        passes -> layers
@@ -28,10 +28,7 @@ pub mod gatherer;
 pub mod growth;
 pub mod hemisphere;
 pub mod incident;
-mod index;
 pub mod light_map;
-pub mod look_up;
-pub mod parting;
 pub mod photons;
 mod pieces;
 pub mod placement;

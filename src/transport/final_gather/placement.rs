@@ -4,8 +4,8 @@
 //! neighbours. So records depend on the picture alone, whatever the number of threads.
 
 use super::cache::Cache;
-use super::parting::Spot;
 use crate::scene::SurfacePoint;
+use crate::transport::light_cache::Spot;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 
@@ -90,7 +90,7 @@ impl<'a> Placement<'a> {
 
     fn is_open(&self, cache: &Cache, pixel: usize) -> bool {
         let spot = self.view.spot(pixel);
-        spot.point.exists() && !cache.covers(&spot, self.share)
+        spot.point.exists() && !cache.columns.covers(&spot, self.share)
     }
 
     /// Every so many pixels along each axis, from half a step in.

@@ -6,7 +6,7 @@
 
 use super::crossing::{Crossing, Rows, Scratch};
 use super::gatherer::{Gathered, Gathers, Places};
-use super::hemisphere::{Gradients, Hemisphere};
+use super::hemisphere::Hemisphere;
 use super::incident::Incident;
 use super::transit::{Arrivals, weights};
 use crate::Result;
@@ -14,6 +14,7 @@ use crate::kernels::glossy_rows::View;
 use crate::kernels::trace_rays::{RayRecord, trace_rays};
 use crate::progress::Stage;
 use crate::scene::SurfacePoint;
+use crate::transport::light_cache::Gradients;
 use crate::transport::sampling;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;

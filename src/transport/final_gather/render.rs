@@ -9,13 +9,13 @@ use super::gatherer::Gatherer;
 use super::growth::Growth;
 use super::incident::Incident;
 use super::light_map::{LightMap, Seeing};
-use super::parting::Parting;
 use super::placement::View;
 use super::reflections::Reflections;
 use super::view::{Pass, Seen};
 use crate::image::Layer;
 use crate::progress::Progress;
 use crate::scene::SurfacePoint;
+use crate::transport::light_cache::Parting;
 use crate::{Result, memory};
 use glam::Vec4;
 use rayon::prelude::*;
@@ -105,14 +105,15 @@ impl<'a> Renderer<'a> {
         let pixels = u64::from(width) * u64::from(height);
         memory::require(Film::BYTES * pixels, &format!("{width} x {height} pixels"), "lower width or height")?;
         let (camera, height, error) = (seen.camera, height as usize, settings.cache_error);
+        let device = light.incident.device;
         let growth = Growth { gatherer: &light.irradiance, camera, height };
         let parting = |by_material| Parting { count: light.crossing.receivers(), by_material };
         let glossy = light.reflections.as_ref().map(|reflections| {
             let growth = Growth { gatherer: reflections, camera, height };
-            LightMap::new(growth, parting(true), error, settings.rays)
+            LightMap::new(device, growth, parting(true), error, settings.rays)
         });
         Ok(Self {
-            diffuse: LightMap::new(growth, parting(false), error, settings.rays),
+            diffuse: LightMap::new(device, growth, parting(false), error, settings.rays),
             glossy,
             first: None,
             film: Film::new(camera, pixels as usize),
@@ -143,23 +144,22 @@ impl<'a> Renderer<'a> {
     }
 
     /// The picture as it is now; `None` before the first.
-    pub fn layers(&self) -> Option<Vec<Layer>> {
-        match &self.first {
-            Some(first) => {
-                let mut film = Film::new(self.seen.camera, first.shining.len());
-                self.expose_first(&mut film, first);
-                Some(film.layers())
-            }
-            None => (self.film.passes() > 0).then(|| self.film.layers()),
-        }
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn layers(&self) -> Result<Option<Vec<Layer>>> {
+        let Some(first) = &self.first else { return Ok((self.film.passes() > 0).then(|| self.film.layers())) };
+        let mut film = Film::new(self.seen.camera, first.shining.len());
+        self.expose_first(&mut film, first)?;
+        Ok(Some(film.layers()))
     }
 
     /// The object that most of the picture shows, when the picture shows some and no light at all.
-    pub fn is_dark(&self) -> Option<u32> {
-        let layers = self.layers()?;
-        let beauty = &layers.first()?.data;
-        let is_lit = beauty.chunks_exact(4).any(|pixel| pixel[..3].iter().any(|x| *x != 0.0));
-        self.shown.filter(|_| !is_lit)
+    pub fn is_dark(&self) -> Result<Option<u32>> {
+        let layers = self.layers()?.unwrap_or_default();
+        let Some(beauty) = layers.first() else { return Ok(None) };
+        let is_lit = beauty.data.chunks_exact(4).any(|pixel| pixel[..3].iter().any(|x| *x != 0.0));
+        Ok(self.shown.filter(|_| !is_lit))
     }
 
     /// Of irradiance.
@@ -209,7 +209,7 @@ impl<'a> Renderer<'a> {
         if !improved? {
             let first = self.first.take().expect("just put there");
             let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
-            self.expose_first(&mut film, &first);
+            self.expose_first(&mut film, &first)?;
             self.film = film;
             self.phase = if self.settings.samples_per_pixel > 1 { Phase::Smooth } else { Phase::Done };
         }
@@ -279,17 +279,22 @@ impl<'a> Renderer<'a> {
     }
 
     /// Adds the first pass to a film, in the light of both maps.
-    fn expose_first(&self, film: &mut Film, first: &First) {
-        let reflected = self.glossy.as_ref().map(|glossy| glossy.light(&shining(first, &[]).view));
-        self.expose(film, first, &self.diffuse.light(&diffuse(first).view), &reflected.unwrap_or_default());
+    fn expose_first(&self, film: &mut Film, first: &First) -> Result<()> {
+        let light = self.diffuse.light(&diffuse(first).view)?;
+        let reflected = match &self.glossy {
+            Some(glossy) => glossy.light(&shining(first, &[]).view)?,
+            None => Vec::new(),
+        };
+        self.expose(film, first, &light, &reflected);
+        Ok(())
     }
 
     /// `light`: of each pixel, as the maps have it; `reflected`: empty where nothing shines.
-    fn expose(&self, film: &mut Film, pass: &First, light: &[Vec4], reflected: &[Vec4]) {
+    fn expose(&self, film: &mut Film, pass: &First, light: &[[f32; 4]], reflected: &[[f32; 4]]) {
         let radiance = |pixel: usize| {
-            let mut all = light[pixel] * Vec4::from_array(pass.pass.diffuse[pixel]);
+            let mut all = Vec4::from_array(light[pixel]) * Vec4::from_array(pass.pass.diffuse[pixel]);
             if pass.shining[pixel].exists() {
-                all += reflected[pixel];
+                all += Vec4::from_array(reflected[pixel]);
             }
             all.with_w(0.0).to_array()
         };

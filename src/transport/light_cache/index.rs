@@ -4,24 +4,37 @@
 //! A record lies in the grid whose cells are at least as wide as the sphere that it holds in, so in at most eight cells;
 //! a place lies in one cell of each grid. Deterministic: it depends on the spheres and their order alone.
 
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 /// Bits of a cell's number along an axis; one grid a bit, and one more.
 const BITS: u32 = 19;
 
+/// A cell (16 bytes; same layout in WGSL).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Cell {
+    /// Grid and number in it, low word first; 0: no cell.
+    key: [u32; 2],
+    /// Of those in `records`.
+    first: u32,
+    count: u32,
+}
+
 #[derive(Clone, Debug, Default)]
 pub struct Index {
-    low: Vec3,
+    pub low: Vec3,
     /// Of the only cell of the first grid, metres.
-    width: f32,
-    /// Grids that hold something.
+    pub width: f32,
+    /// Grids that hold something, from wide to narrow.
     levels: Vec<u32>,
-    /// Open addressing: key (0: empty), first, and count in `records`.
-    table: Vec<(u64, u32, u32)>,
+    /// Open addressing, at most half full; a power of two, or empty.
+    pub cells: Vec<Cell>,
     /// Cell by cell: centre and squared radius, by themselves so that those that do not reach a place cost little.
-    spheres: Vec<Vec4>,
-    records: Vec<u32>,
+    pub spheres: Vec<Vec4>,
+    /// Of each sphere.
+    pub records: Vec<u32>,
 }
 
 impl Index {
@@ -34,20 +47,20 @@ impl Index {
         let mut cells: Vec<(u64, u32)> = spheres
             .par_iter()
             .enumerate()
-            .flat_map_iter(|(record, sphere)| index.cells(sphere).map(move |key| (key, record as u32)))
+            .flat_map_iter(|(record, sphere)| index.keys(sphere).map(move |key| (key, record as u32)))
             .collect();
         cells.par_sort_unstable();
         let runs: Vec<&[(u64, u32)]> = cells.chunk_by(|a, b| a.0 == b.0).collect();
-        index.table = vec![(0, 0, 0); (2 * runs.len()).next_power_of_two()];
+        index.cells = vec![Cell::default(); (2 * runs.len()).next_power_of_two()];
         let (mut first, mut seen) = (0, 0u32);
         for run in runs {
             let key = run[0].0;
             seen |= 1 << level_of(key);
-            let mut slot = index.slot(key);
-            while index.table[slot].0 != 0 {
-                slot = (slot + 1) & (index.table.len() - 1);
+            let mut slot = index.slot(words(key));
+            while index.cells[slot] != Cell::default() {
+                slot = (slot + 1) & (index.cells.len() - 1);
             }
-            index.table[slot] = (key, first, run.len() as u32);
+            index.cells[slot] = Cell { key: words(key), first, count: run.len() as u32 };
             first += run.len() as u32;
         }
         let sphere = |cell: &(u64, u32)| {
@@ -64,22 +77,22 @@ impl Index {
     #[inline]
     pub fn near(&self, place: Vec3, mut visit: impl FnMut(u32) -> bool) {
         for &level in &self.levels {
-            let key = key(level, self.cell(level, place));
+            let key = words(key(level, self.cell(level, place)));
             let mut slot = self.slot(key);
             loop {
-                let (found, first, count) = self.table[slot];
-                if found == key {
-                    let range = first as usize..(first + count) as usize;
+                let cell = self.cells[slot];
+                if cell.key == key {
+                    let range = cell.first as usize..(cell.first + cell.count) as usize;
                     for (sphere, record) in self.spheres[range.clone()].iter().zip(&self.records[range]) {
                         if sphere.truncate().distance_squared(place) < sphere.w && !visit(*record) {
                             return;
                         }
                     }
                 }
-                if found == key || found == 0 {
+                if cell.key == key || cell == Cell::default() {
                     break;
                 }
-                slot = (slot + 1) & (self.table.len() - 1);
+                slot = (slot + 1) & (self.cells.len() - 1);
             }
         }
     }
@@ -92,7 +105,8 @@ impl Index {
         cell.clamp(Vec3::ZERO, Vec3::splat(cells - 1.0)).to_array().map(|x| x as u64)
     }
 
-    fn cells(&self, (centre, radius): &(Vec3, f32)) -> impl Iterator<Item = u64> {
+    /// Of the cells that a sphere reaches.
+    fn keys(&self, (centre, radius): &(Vec3, f32)) -> impl Iterator<Item = u64> {
         // Cells of places are found by other roundings.
         let reach = radius + 1e-6 * self.width;
         let fits = (self.width / (2.0 * radius).max(1e-30)).log2().floor();
@@ -111,10 +125,23 @@ impl Index {
         all.filter(touches).map(move |cell| key(level, cell))
     }
 
-    fn slot(&self, key: u64) -> usize {
-        let mixed = (key ^ key >> 31).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        (mixed >> 32) as usize & (self.table.len() - 1)
+    /// Where a cell is looked for first.
+    #[inline]
+    fn slot(&self, [low, high]: [u32; 2]) -> usize {
+        let mixed = (low.wrapping_mul(0x9e37_79b1) ^ high).wrapping_mul(0x85eb_ca6b);
+        (mixed ^ mixed >> 15) as usize & (self.cells.len() - 1)
     }
+
+    /// Bit l: grid l holds something.
+    pub fn level_bits(&self) -> u32 {
+        self.levels.iter().fold(0, |bits, level| bits | 1 << level)
+    }
+}
+
+/// Low word first.
+#[inline]
+fn words(key: u64) -> [u32; 2] {
+    [key as u32, (key >> 32) as u32]
 }
 
 /// The highest bit tells keys from empty slots; the level's own bits tell grids apart.

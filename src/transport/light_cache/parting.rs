@@ -20,23 +20,20 @@ pub struct Parting {
 }
 
 impl Parting {
-    /// Places of one kind do not part ways: a hash of the weights (FNV-1a, words for bytes), and the material.
-    pub fn kind(&self, spot: &Spot) -> u64 {
-        let mix = |hash: u64, weight: &f32| (hash ^ u64::from(weight.to_bits())).wrapping_mul(0x0100_0000_01b3);
-        let material = if self.by_material { spot.point.material } else { 0 };
-        (spot.receivers.iter().fold(0xcbf2_9ce4_8422_2325, mix) << 32) ^ u64::from(material)
+    /// Places of one kind do not part ways: a hash of the weights, and of the material (FNV-1a, words for bytes).
+    pub fn kind(&self, material: u32, receivers: &[f32]) -> u32 {
+        let mix = |hash: u32, word: u32| (hash ^ word).wrapping_mul(0x0100_0193);
+        let material = if self.by_material { material } else { 0 };
+        receivers.iter().map(|weight| weight.to_bits()).chain([material]).fold(0x811c_9dc5, mix)
     }
 
-    /// A record at `here` says nothing of a place `there`: something acts on the second alone, whose part the first does
-    /// not have; or too much is different at once.
-    pub fn part_ways(&self, here: &Spot, there: &Spot) -> bool {
-        if self.by_material && here.point.material != there.point.material {
+    /// A record `here` says nothing of a place `there`, of each of which material and weights are given: something acts on
+    /// the second alone, whose part the first does not have; or too much is different at once.
+    pub fn part_ways(&self, here: (u32, &[f32]), there: (u32, &[f32])) -> bool {
+        if self.by_material && here.0 != there.0 {
             return true;
         }
-        let (here, there) = (here.receivers, there.receivers);
-        if here == there {
-            return false;
-        }
+        let (here, there) = (here.1, there.1);
         let untouched = here.iter().zip(there).any(|(here, there)| *here == 0.0 && *there != 0.0);
         let (mut sum, mut squares) = (0.0, 0.0);
         here.iter().zip(there).for_each(|(here, there)| {

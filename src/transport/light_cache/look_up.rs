@@ -10,12 +10,13 @@
 //! where `b_i` is 1 but for light from near the horizon, `e_i < a` and p does not lie in front of it; what is taken off
 //! makes weights fade out instead of ending. Each adds its light with its gradients.
 
-use super::cache::Cache;
-use super::parting::Spot;
+use super::{Columns, Spot};
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4};
 
-/// What records are looked up by, in one cache line.
-#[derive(Clone, Copy, Debug)]
+/// What records are looked up by, in one cache line (64 bytes; same layout in WGSL).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Shape {
     pub position: Vec3,
     /// Beyond, it does not count, m².
@@ -27,8 +28,11 @@ pub struct Shape {
     /// Where a record is made to count farther than its light allows, gradients are followed by this less.
     pub damping: f32,
     pub variance: f32,
+    /// Index into the scene's materials.
+    pub material: u32,
     /// `Parting::kind`.
-    pub kind: u64,
+    pub kind: u32,
+    pub pad: [u32; 3],
 }
 
 /// What the cache says of a place.
@@ -42,7 +46,7 @@ pub struct Found {
     pub variance: f32,
 }
 
-impl Cache {
+impl Columns {
     /// The light at a place.
     #[inline]
     pub fn look_up(&self, spot: &Spot) -> Found {
@@ -80,17 +84,6 @@ impl Cache {
         Found { light, weight: total, variance }
     }
 
-    /// How many rays the records that count at a place have; `None` where there are none.
-    pub fn rays_near(&self, spot: &Spot) -> Option<u32> {
-        let (mut total, mut rays) = (0.0, 0.0);
-        self.visit(spot, |record, weight, _| {
-            total += weight;
-            rays += weight * self.records[record].rays as f32;
-            true
-        });
-        (total > 0.0).then(|| (rays / total) as u32)
-    }
-
     /// Whether a record counts at a place whose error there is below `share` of what it may be.
     #[inline]
     pub fn covers(&self, spot: &Spot, share: f32) -> bool {
@@ -110,7 +103,7 @@ impl Cache {
             return;
         }
         let (at, normal) = (Vec3::from(spot.point.position), Vec3::from(spot.point.normal));
-        let kind = self.parting.kind(spot);
+        let kind = self.parting.kind(spot.point.material, spot.receivers);
         self.index.near(at, |record| {
             let shape = &self.shapes[record as usize];
             let by = at - shape.position;
@@ -125,7 +118,10 @@ impl Cache {
             if error >= self.error || by.dot(normal + shape.normal) * shape.inverse < -0.1 * self.error {
                 return true;
             }
-            if shape.kind != kind && self.parting.part_ways(&self.spot(record as usize), spot) {
+            let makeup = |record| (shape.material, self.receivers_of(record));
+            if shape.kind != kind
+                && self.parting.part_ways(makeup(record as usize), (spot.point.material, spot.receivers))
+            {
                 return true;
             }
             let weight = 1.0 / error.max(1e-3 * self.error) - 1.0 / self.error;
