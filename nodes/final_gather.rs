@@ -141,7 +141,7 @@ impl Node for FinalGather {
                     }
                 }
                 Err(Error::Cancelled) if job.keeps_best && renderer.passes() > 0 => {
-                    let error = match renderer.estimate.error() {
+                    let error = match renderer.estimate().error() {
                         error if error.is_finite() => format!("at an error of {:.1} %", 100.0 * error),
                         _ => "before its error was known".to_owned(),
                     };
@@ -178,9 +178,9 @@ impl Node for FinalGather {
         job.note("records", cache.records.len());
         job.note("rays", cache.records.iter().map(|record| u64::from(record.rays)).sum::<u64>());
         job.note("cache_error", cache.error());
-        job.note("error", renderer.estimate.error());
-        job.note("noise", renderer.estimate.noise);
-        job.note("interpolation", renderer.estimate.interpolation);
+        job.note("error", renderer.estimate().error());
+        job.note("noise", renderer.estimate().noise);
+        job.note("interpolation", renderer.estimate().interpolation);
         picture(&renderer)
     }
 }

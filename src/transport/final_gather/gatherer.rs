@@ -1,10 +1,10 @@
-//! Gathers light at places: rays over their hemispheres, light at what these meet, photons that they can see, and what it
-//! all comes to, with edits on the way.
+//! Gathers light at places: rays over their hemispheres, light at what these meet, and photons that they can see.
 
 use super::crossing::{Crossing, Scratch};
 use super::hemisphere::{Hemisphere, Strata};
 use super::incident::{Incident, Leaving};
 use super::photons::Photons;
+use super::place::{Layer, Place};
 use super::transit::{Arrivals, weights};
 use crate::Result;
 use crate::kernels::blocked_rays;
@@ -15,8 +15,7 @@ use crate::transport::light_cache::Gradients;
 use crate::transport::sampling;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-use std::f32::consts::{FRAC_1_PI, PI};
-use std::ops::Range;
+use std::f32::consts::FRAC_1_PI;
 
 /// Rays that are followed together: bounds the memory between the steps.
 const BATCH: usize = 1 << 17;
@@ -56,20 +55,11 @@ pub struct Places<'a> {
 /// Where light comes from, how it is looked for, and what changes it.
 pub struct Gatherer<'a> {
     incident: &'a Incident<'a>,
-    crossing: &'a Crossing<'a>,
-    photons: Photons,
+    pub(super) crossing: &'a Crossing<'a>,
+    pub(super) photons: Photons,
     /// Of each photon: caster weights, and the nearest gather sample of sampled edits.
-    photon_casters: Vec<f32>,
-    photon_samples: Vec<Option<u32>>,
-}
-
-/// What the rays of a batch met.
-struct Layer {
-    distances: Vec<f32>,
-    /// Radiant exitance towards the place, by the share of the hemisphere's rays in finding it, W/m².
-    exitance: Vec<Vec4>,
-    casters: Vec<f32>,
-    samples: Vec<Option<u32>>,
+    pub(super) photon_casters: Vec<f32>,
+    pub(super) photon_samples: Vec<Option<u32>>,
 }
 
 impl<'a> Gatherer<'a> {
@@ -196,78 +186,6 @@ impl<'a> Gatherer<'a> {
         beyond.iter().any(|ray| ray.t_max > 0.0).then_some(beyond)
     }
 
-    fn unedited(&self, place: &Place) -> Gradients {
-        let layer = &place.layers[0];
-        let mut light =
-            place.hemisphere.gradients(&layer.exitance[place.fan.clone()], &layer.distances[place.fan.clone()]);
-        for &(at, photon) in place.photons.iter().filter(|(at, _)| place.blocked[*at] == 0) {
-            let (way, normal) =
-                (place.ways[at].direction.into(), self.photons.list[photon].point.geometric_normal.into());
-            place.hemisphere.add_place(&mut light, self.by_photon(place, at, photon), way, normal);
-        }
-        light
-    }
-
-    fn edited(
-        &self,
-        place: &Place,
-        point: &SurfacePoint,
-        receivers: &[f32],
-        arrivals: &mut Arrivals,
-        scratch: &mut Scratch,
-    ) -> (Gradients, Vec<Vec4>) {
-        arrivals.clear();
-        let (rays, casters) = (place.fan.len(), self.crossing.transits.casters().len());
-        let mut samples: Vec<Option<u32>> = Vec::new();
-        for (depth, layer) in place.layers.iter().enumerate() {
-            for ray in place.fan.clone() {
-                arrivals.light.push(layer.exitance[ray] / rays as f32);
-                arrivals.direction.push(place.cast[ray].direction.into());
-                arrivals.distance.push(layer.distances[ray]);
-                arrivals.seen.push(if depth == 0 { 1.0 } else { 0.0 });
-            }
-            arrivals.casters.extend_from_slice(&layer.casters[place.fan.start * casters..place.fan.end * casters]);
-            samples.extend(layer.samples.get(place.fan.clone()).into_iter().flatten());
-        }
-        let of_rays = arrivals.light.len();
-        // A photon behind something counts only where an edit sees through that.
-        let counts = |at: usize| place.ways[at].t_max > 0.0 && (place.blocked[at] == 0 || place.layers.len() > 1);
-        let photons: Vec<(usize, usize)> = place.photons.iter().copied().filter(|(at, _)| counts(*at)).collect();
-        for &(at, photon) in &photons {
-            let way = Vec3::from(place.ways[at].direction);
-            arrivals.light.push(self.by_photon(place, at, photon));
-            arrivals.direction.push(way.normalize_or_zero());
-            arrivals.distance.push(way.length());
-            arrivals.seen.push(if place.blocked[at] == 0 { 1.0 } else { 0.0 });
-            arrivals.casters.extend_from_slice(&self.photon_casters[photon * casters..][..casters]);
-            samples.extend(self.photon_samples.get(photon));
-        }
-        let rows = self.crossing.rows(point);
-        let (added, changes) = self.crossing.edit(arrivals, &samples, receivers, rows.as_ref(), scratch);
-        let (by_rays, by_photons) = scratch.light.split_at(of_rays);
-        let mut sum = Gradients { value: added, ..Gradients::default() };
-        for (layer, light) in place.layers.iter().zip(by_rays.chunks_exact(rays)) {
-            let more = place.hemisphere.gradients(light, &layer.distances[place.fan.clone()]);
-            sum = sum.plus(&more.times(rays as f32));
-        }
-        for (&(at, photon), light) in photons.iter().zip(by_photons) {
-            let normal = self.photons.list[photon].point.geometric_normal.into();
-            place.hemisphere.add_place(&mut sum, *light, place.ways[at].direction.into(), normal);
-        }
-        (sum, changes)
-    }
-
-    /// The irradiance that a photon gives by itself, W/m².
-    fn by_photon(&self, place: &Place, at: usize, photon: usize) -> Vec4 {
-        let photon = &self.photons.list[photon];
-        let way = Vec3::from(place.ways[at].direction);
-        let squared = way.length_squared();
-        let there = -way.dot(photon.point.geometric_normal.into());
-        let shape = way.dot(place.hemisphere.normal()) * there / (squared * squared);
-        let (by_rays, by_photons) = (shape * FRAC_1_PI, photon.density * place.ratio);
-        photon.power * (shape * by_photons / ((by_rays + by_photons) * PI * place.photons.len() as f32))
-    }
-
     /// From a place to a photon; none where one is behind the other.
     fn way(&self, hemisphere: &Hemisphere, photon: usize) -> RayRecord {
         let photon = &self.photons.list[photon];
@@ -301,19 +219,4 @@ impl Gathers for Gatherer<'_> {
         }
         Ok(all)
     }
-}
-
-/// What one place of a batch found.
-struct Place<'a> {
-    hemisphere: &'a Hemisphere,
-    /// Its rays in `cast` and in layers.
-    fan: Range<usize>,
-    cast: &'a [RayRecord],
-    layers: &'a [Layer],
-    /// Of each photon: where it stands in `ways` and `blocked`, and in the list of all.
-    photons: &'a [(usize, usize)],
-    ways: &'a [RayRecord],
-    blocked: &'a [u32],
-    /// Photons to rays.
-    ratio: f32,
 }

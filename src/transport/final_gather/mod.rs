@@ -4,7 +4,7 @@
 //! ```text
 //! view        what the camera sees, one sample of each pixel at a time; direct light there
 //! placement   which pixels need a record of the cache
-//! gatherer    light at a place: rays over its hemisphere (hemisphere), and photons (photons) that it can see
+//! gatherer    light at places: rays over hemispheres (hemisphere), and photons (photons) that they can see; place: their sum
 //! incident    light that leaves what these meet
 //! source      edits of that light; bounces: what arrives there after more than one
 //! crossing    edits on the way to a place: procedural (transit) and sampled (sampled, edited_view, pieces); eye: after that
@@ -14,6 +14,7 @@
 //! film        passes -> layers
 //! reflections light that glossy surfaces send to the eye, gathered and cached in the same way
 //! light_map   one kind of light over the picture, refined
+//! maps        both kinds together
 //! render      all of these, end to end
 //! ```
 
@@ -29,8 +30,10 @@ pub mod growth;
 pub mod hemisphere;
 pub mod incident;
 pub mod light_map;
+pub mod maps;
 pub mod photons;
 mod pieces;
+mod place;
 pub mod placement;
 pub mod reflections;
 pub mod render;

@@ -13,7 +13,6 @@ use crate::Result;
 use crate::kernels::glossy_rows::View;
 use crate::kernels::trace_rays::{RayRecord, trace_rays};
 use crate::progress::Stage;
-use crate::scene::SurfacePoint;
 use crate::transport::light_cache::Gradients;
 use crate::transport::sampling;
 use glam::{Vec3, Vec4};
@@ -39,17 +38,6 @@ fn alpha(gloss: &[f32; 4]) -> f32 {
 }
 
 impl Reflections<'_> {
-    /// Some material shines.
-    pub fn are_there(gloss: &[[f32; 4]]) -> bool {
-        gloss.iter().any(|gloss| gloss[..3].iter().any(|f0| *f0 > 0.0))
-    }
-
-    /// The point, or nothing where it does not shine.
-    pub fn shining(&self, point: &SurfacePoint) -> SurfacePoint {
-        let shines = point.exists() && self.gloss[point.material as usize][..3].iter().any(|f0| *f0 > 0.0);
-        if shines { *point } else { SurfacePoint::NOWHERE }
-    }
-
     fn batch(&self, places: &Places, rays: usize) -> Result<Vec<Gathered>> {
         let Incident { device, geometry, .. } = *self.incident;
         let mut cast = vec![RayRecord::NONE; places.points.len() * rays];

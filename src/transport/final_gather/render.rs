@@ -6,19 +6,13 @@ use super::crossing::Crossing;
 use super::estimate::Estimate;
 use super::film::Film;
 use super::gatherer::Gatherer;
-use super::growth::Growth;
 use super::incident::Incident;
-use super::light_map::{LightMap, Seeing};
-use super::placement::View;
+use super::maps::Maps;
 use super::reflections::Reflections;
 use super::view::{Pass, Seen};
 use crate::image::Layer;
 use crate::progress::Progress;
-use crate::scene::SurfacePoint;
-use crate::transport::light_cache::Parting;
 use crate::{Result, memory};
-use glam::Vec4;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -59,7 +53,7 @@ impl<'a> Light<'a> {
             incident,
             crossing,
             irradiance: Gatherer::new(incident, crossing, PHOTONS)?,
-            reflections: Reflections::are_there(gloss).then_some(reflections),
+            reflections: seen.shines().then_some(reflections),
         })
     }
 }
@@ -73,20 +67,13 @@ enum Phase {
     Done,
 }
 
-/// A pass, and what of it shines.
-struct First {
-    pass: Pass,
-    shining: Vec<SurfacePoint>,
-}
-
 pub struct Renderer<'a> {
     seen: Seen<'a>,
     light: &'a Light<'a>,
     settings: Settings,
-    diffuse: LightMap<'a>,
-    glossy: Option<LightMap<'a>>,
+    maps: Maps<'a>,
     /// One sample of each pixel, until its light is as good as asked.
-    first: Option<First>,
+    first: Option<Pass>,
     film: Film,
     phase: Phase,
     /// The object that most of the picture shows.
@@ -94,7 +81,6 @@ pub struct Renderer<'a> {
     start: Instant,
     /// Seconds that it took to see one sample of each pixel.
     first_pass: f64,
-    pub estimate: Estimate,
 }
 
 impl<'a> Renderer<'a> {
@@ -104,24 +90,15 @@ impl<'a> Renderer<'a> {
         let (width, height) = seen.size;
         let pixels = u64::from(width) * u64::from(height);
         memory::require(Film::BYTES * pixels, &format!("{width} x {height} pixels"), "lower width or height")?;
-        let (camera, height, error) = (seen.camera, height as usize, settings.cache_error);
-        let device = light.incident.device;
-        let growth = Growth { gatherer: &light.irradiance, camera, height };
-        let parting = |by_material| Parting { count: light.crossing.receivers(), by_material };
-        let glossy = light.reflections.as_ref().map(|reflections| {
-            let growth = Growth { gatherer: reflections, camera, height };
-            LightMap::new(device, growth, parting(true), error, settings.rays)
-        });
+        let film = Film::new(seen.camera, pixels as usize);
         Ok(Self {
-            diffuse: LightMap::new(device, growth, parting(false), error, settings.rays),
-            glossy,
+            maps: Maps::new(light, seen.camera, height as usize, settings),
             first: None,
-            film: Film::new(camera, pixels as usize),
+            film,
             phase: Phase::Start,
             shown: None,
             start: Instant::now(),
             first_pass: 0.0,
-            estimate: Estimate::default(),
             light,
             seen,
             settings,
@@ -149,8 +126,8 @@ impl<'a> Renderer<'a> {
     /// The device failed.
     pub fn layers(&self) -> Result<Option<Vec<Layer>>> {
         let Some(first) = &self.first else { return Ok((self.film.passes() > 0).then(|| self.film.layers())) };
-        let mut film = Film::new(self.seen.camera, first.shining.len());
-        self.expose_first(&mut film, first)?;
+        let mut film = Film::new(self.seen.camera, first.samples.points.len());
+        self.seen.expose(&mut film, first, self.light.crossing, self.maps.radiance(first)?);
         Ok(Some(film.layers()))
     }
 
@@ -162,14 +139,19 @@ impl<'a> Renderer<'a> {
         Ok(self.shown.filter(|_| !is_lit))
     }
 
+    /// Of what the picture shows, relative to its mean indirect radiance.
+    pub fn estimate(&self) -> Estimate {
+        self.maps.estimate
+    }
+
     /// Of irradiance.
     pub fn cache(&self) -> &Cache {
-        &self.diffuse.cache
+        &self.maps.diffuse.cache
     }
 
     /// Of what shining surfaces reflect.
     pub fn glossy_cache(&self) -> Option<&Cache> {
-        self.glossy.as_ref().map(|glossy| &glossy.cache)
+        self.maps.glossy.as_ref().map(|glossy| &glossy.cache)
     }
 
     /// About how much of the work is done, in [0, 1], by the time that it took: refining takes time by the power 3/2 of
@@ -177,7 +159,7 @@ impl<'a> Renderer<'a> {
     pub fn done(&self) -> f64 {
         let spent = self.start.elapsed().as_secs_f64();
         let passes = f64::from(self.settings.samples_per_pixel) - self.passes() as f64;
-        let fall = (self.estimate.error().min(1.0) / f64::from(self.settings.tolerance)).max(1.0);
+        let fall = (self.maps.estimate.error().min(1.0) / f64::from(self.settings.tolerance)).max(1.0);
         let left = self.first_pass * passes + if self.first.is_some() { spent * (fall.powf(1.5) - 1.0) } else { 0.0 };
         spent / (spent + left).max(f64::MIN_POSITIVE)
     }
@@ -189,145 +171,41 @@ impl<'a> Renderer<'a> {
 
     fn begin(&mut self, progress: &Progress) -> Result<()> {
         let first = self.pass(0)?;
-        self.shown = most_seen(&first.pass);
+        self.shown = most_seen(&first);
         self.first_pass = self.start.elapsed().as_secs_f64();
-        self.diffuse.start(&diffuse(&first), progress)?;
-        if let Some(glossy) = &mut self.glossy {
-            glossy.start(&shining(&first, &ones(&first)), progress)?;
-        }
+        self.maps.start(&first, progress)?;
         self.first = Some(first);
-        self.assess();
         self.phase = Phase::Refine;
         Ok(())
     }
 
-    /// Improves the map that errs more.
+    /// Makes light better until it is as good as asked, or as can be.
     fn refine(&mut self, progress: &Progress) -> Result<()> {
-        let Some(first) = self.first.take() else { return Ok(()) };
-        let improved = self.improve(&first, progress);
-        self.first = Some(first);
-        if !improved? {
-            let first = self.first.take().expect("just put there");
-            let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
-            self.expose_first(&mut film, &first)?;
-            self.film = film;
-            self.phase = if self.settings.samples_per_pixel > 1 { Phase::Smooth } else { Phase::Done };
+        let Some(first) = &self.first else { return Ok(()) };
+        if self.maps.improve(first, self.settings.tolerance.into(), progress)? {
+            return Ok(());
         }
-        self.assess();
+        let radiance = self.maps.radiance(first)?;
+        self.seen.expose(&mut self.film, first, self.light.crossing, radiance);
+        self.first = None;
+        self.phase = if self.settings.samples_per_pixel > 1 { Phase::Smooth } else { Phase::Done };
         Ok(())
-    }
-
-    /// False when all is as good as asked, or as can be.
-    fn improve(&mut self, first: &First, progress: &Progress) -> Result<bool> {
-        let tolerance = f64::from(self.settings.tolerance);
-        let ones = ones(first);
-        // Errors of both maps against the light of both.
-        let all = self.estimate.mean.max(f64::MIN_POSITIVE);
-        let of = |map: &LightMap| if map.is_spent() { 0.0 } else { map.estimate.error() * map.estimate.mean / all };
-        let errors = [of(&self.diffuse), self.glossy.as_ref().map_or(0.0, of)];
-        let enough = |map: &LightMap| tolerance * all / map.estimate.mean.max(1e-6 * all);
-        if errors[0].hypot(errors[1]) > tolerance {
-            match &mut self.glossy {
-                Some(glossy) if errors[1] > errors[0] => {
-                    let enough = enough(glossy);
-                    glossy.refine(&shining(first, &ones), enough, progress)?;
-                }
-                _ => {
-                    let enough = enough(&self.diffuse);
-                    self.diffuse.refine(&diffuse(first), enough, progress)?;
-                }
-            }
-            return Ok(true);
-        }
-        let mut went_on = self.diffuse.even_out(&diffuse(first), tolerance, progress)?;
-        if let Some(glossy) = &mut self.glossy {
-            let enough = enough(glossy);
-            went_on |= glossy.even_out(&shining(first, &ones), enough, progress)?;
-        }
-        Ok(went_on)
     }
 
     /// One more sample of each pixel.
     fn smooth(&mut self, progress: &Progress) -> Result<()> {
         let pass = self.pass(self.film.passes())?;
-        let light = self.diffuse.fill(diffuse(&pass).view, progress)?;
-        let reflected = match &mut self.glossy {
-            Some(glossy) => glossy.fill(shining(&pass, &[]).view, progress)?,
-            None => Vec::new(),
-        };
-        let mut film = std::mem::replace(&mut self.film, Film::new(self.seen.camera, 0));
-        self.expose(&mut film, &pass, &light, &reflected);
-        self.film = film;
+        let radiance = self.maps.fill(&pass, progress)?;
+        self.seen.expose(&mut self.film, &pass, self.light.crossing, radiance);
         if self.film.passes() >= self.settings.samples_per_pixel as usize {
             self.phase = Phase::Done;
         }
         Ok(())
     }
 
-    /// Errors of both maps together.
-    fn assess(&mut self) {
-        let maps = [Some(&self.diffuse), self.glossy.as_ref()];
-        let mut all = Estimate::default();
-        for Estimate { mean, noise, interpolation } in maps.into_iter().flatten().map(|map| map.estimate) {
-            all.mean += mean;
-            all.noise = all.noise.hypot(noise * mean);
-            // Infinite until it is known; of no light, there is no error.
-            all.interpolation = all.interpolation.hypot(if mean > 0.0 { interpolation * mean } else { 0.0 });
-        }
-        let mean = all.mean.max(f64::MIN_POSITIVE);
-        self.estimate = Estimate { noise: all.noise / mean, interpolation: all.interpolation / mean, ..all };
+    fn pass(&self, number: usize) -> Result<Pass> {
+        self.seen.pass(self.light.incident, self.light.crossing, number)
     }
-
-    /// Adds the first pass to a film, in the light of both maps.
-    fn expose_first(&self, film: &mut Film, first: &First) -> Result<()> {
-        let light = self.diffuse.light(&diffuse(first).view)?;
-        let reflected = match &self.glossy {
-            Some(glossy) => glossy.light(&shining(first, &[]).view)?,
-            None => Vec::new(),
-        };
-        self.expose(film, first, &light, &reflected);
-        Ok(())
-    }
-
-    /// `light`: of each pixel, as the maps have it; `reflected`: empty where nothing shines.
-    fn expose(&self, film: &mut Film, pass: &First, light: &[[f32; 4]], reflected: &[[f32; 4]]) {
-        let radiance = |pixel: usize| {
-            let mut all = Vec4::from_array(light[pixel]) * Vec4::from_array(pass.pass.diffuse[pixel]);
-            if pass.shining[pixel].exists() {
-                all += Vec4::from_array(reflected[pixel]);
-            }
-            all.with_w(0.0).to_array()
-        };
-        let pixels = (0..light.len()).into_par_iter().with_min_len(256);
-        self.seen.expose(film, &pass.pass, self.light.crossing, pixels.map(radiance).collect());
-    }
-
-    fn pass(&self, number: usize) -> Result<First> {
-        let pass = self.seen.pass(self.light.incident, self.light.crossing, number)?;
-        let shining = |point: &SurfacePoint| match &self.light.reflections {
-            Some(reflections) => reflections.shining(point),
-            None => SurfacePoint::NOWHERE,
-        };
-        let shining = pass.samples.points.par_iter().with_min_len(4096).map(shining).collect();
-        Ok(First { pass, shining })
-    }
-}
-
-fn view<'a>(points: &'a [SurfacePoint], pass: &'a Pass) -> View<'a> {
-    View { points, receivers: &pass.receivers, width: pass.samples.width, height: pass.samples.height }
-}
-
-fn diffuse(first: &First) -> Seeing<'_> {
-    Seeing { view: view(&first.pass.samples.points, &first.pass), factor: &first.pass.diffuse }
-}
-
-fn shining<'a>(first: &'a First, factor: &'a [[f32; 4]]) -> Seeing<'a> {
-    Seeing { view: view(&first.shining, &first.pass), factor }
-}
-
-/// Reflected light goes to the camera as it is.
-fn ones(first: &First) -> Vec<[f32; 4]> {
-    first.shining.iter().map(|point| [if point.exists() { 1.0 } else { 0.0 }; 4]).collect()
 }
 
 fn most_seen(pass: &Pass) -> Option<u32> {

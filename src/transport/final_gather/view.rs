@@ -7,12 +7,13 @@ use super::incident::Incident;
 use crate::Result;
 use crate::device::Array;
 use crate::kernels::direct_light::{View, direct_light};
-use crate::scene::{Camera, Material};
+use crate::scene::{Camera, Material, SurfacePoint};
 use crate::transport::lighting::{Shading, sum};
 use crate::transport::samples::reflectance;
 use crate::transport::sampling;
 use crate::transport::{Edits, Samples};
 use glam::Vec3;
+use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
 /// A camera, and what lies in front of it.
@@ -32,6 +33,8 @@ pub struct Seen<'a> {
 /// One sample of each pixel.
 pub struct Pass {
     pub samples: Samples,
+    /// Those that shine, `NOWHERE` for the others; empty where nothing shines.
+    pub shining: Vec<SurfacePoint>,
     /// `Crossing::weights` of the samples.
     pub receivers: Vec<f32>,
     pub reflectance: Vec<[f32; 4]>,
@@ -49,11 +52,15 @@ fn offset(pass: usize) -> [f32; 2] {
     [0.754_877_666_246_692_8_f64, 0.569_840_290_998_053_3].map(|step| (0.5 + step * pass as f64).fract() as f32)
 }
 
-impl<'a> Seen<'a> {
+fn shines(gloss: &[f32; 4]) -> bool {
+    gloss[..3].iter().any(|f0| *f0 > 0.0)
+}
+
+impl Seen<'_> {
     pub fn pass(&self, incident: &Incident, crossing: &Crossing, number: usize) -> Result<Pass> {
         let Incident { device, geometry, materials, .. } = *incident;
         let samples = Samples::through(device, geometry, self.camera, self.size, &[offset(number)])?;
-        let shines = self.gloss.iter().any(|gloss| gloss[..3].iter().any(|&f0| f0 > 0.0));
+        let shines = self.shines();
         let eye = View { eye: self.camera.position, gloss: &self.gloss };
         let (mut irradiance, mut highlight) = (Vec::new(), Vec::new());
         for source in incident.sources() {
@@ -72,7 +79,21 @@ impl<'a> Seen<'a> {
         let highlight = if shines { all(highlight) } else { Vec::new() };
         let receivers = crossing.weights(&samples.points);
         let diffuse = reflectance.iter().map(|r| r.map(|r| r * FRAC_1_PI)).collect();
-        Ok(Pass { samples, receivers, reflectance, diffuse, irradiance: all(irradiance), highlight })
+        let shining = match shines {
+            true => samples.points.par_iter().with_min_len(4096).map(|point| self.shining(point)).collect(),
+            false => Vec::new(),
+        };
+        Ok(Pass { samples, shining, receivers, reflectance, diffuse, irradiance: all(irradiance), highlight })
+    }
+
+    /// Some material shines.
+    pub fn shines(&self) -> bool {
+        self.gloss.iter().any(shines)
+    }
+
+    fn shining(&self, point: &SurfacePoint) -> SurfacePoint {
+        let is_shining = point.exists() && shines(&self.gloss[point.material as usize]);
+        if is_shining { *point } else { SurfacePoint::NOWHERE }
     }
 
     /// Adds a pass to a film; `radiance`: indirect, of its samples, W/(sr m²).
