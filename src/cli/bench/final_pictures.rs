@@ -74,20 +74,23 @@ fn measured(plan: &Plan, step: &Step, evaluator: &Evaluator, runs: u32) -> Resul
     }
     print(&format!("{:<44} {:>12} {:>12} {:>12}\n", step.name, "first s", "finished s", "error %"));
     let tell = |name: &str, times: &[Times]| {
-        let median = |of: fn(&Times) -> f64| median(times.iter().map(of).collect());
+        let median = |of: fn(&Times) -> f64| quantile(times.iter().map(of).collect(), 0.5);
         let [first, last, error] = [median(|t| t.first), median(|t| t.last), median(|t| t.error)];
         print(&format!("{name:<44} {first:>12.2} {last:>12.2} {error:>12.2}\n"));
     };
     tell("without edits", &without);
     if is_edited {
         tell("with edits", &with);
-        let ratios = with.iter().zip(&without).map(|(with, without)| with.last / without.last).collect();
-        print(&format!("{:<44} {:>12} {:>12.3}\n", "ratio, median of pairs", "", median(ratios)));
+        let ratios: Vec<f64> = with.iter().zip(&without).map(|(with, without)| with.last / without.last).collect();
+        for (name, share) in [("ratio, lower quartile of pairs", 0.25), ("median", 0.5), ("upper quartile", 0.75)] {
+            print(&format!("{name:<44} {:>12} {:>12.3}\n", "", quantile(ratios.clone(), share)));
+        }
     }
     Ok(())
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+/// The value that a share of all are below.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    values.get((values.len() as f64 * share) as usize).copied().unwrap_or(f64::NAN)
 }

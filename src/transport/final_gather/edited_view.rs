@@ -38,7 +38,7 @@ impl<'a> EditedView<'a> {
         let mut amounts = vec![0.0; view.side.len()];
         for ((sample, slots), weights) in sampled.touched.iter().zip(&sampled.slots[..]).zip(&sampled.weights[..]) {
             let slots = slots.iter().zip(weights).filter(|slot| *slot.0 != UNTOUCHED);
-            amounts[*sample as usize] = slots.map(|slot| slot.1).sum();
+            amounts[*sample as usize] = rounded(slots.map(|slot| slot.1).sum());
             let side = view.side[*sample as usize];
             if side != NOWHERE {
                 touches[geometry.object[(side / 2) as usize] as usize] = true;
@@ -66,7 +66,9 @@ impl<'a> EditedView<'a> {
             return amount;
         }
         let Reach { samples, weights, .. } = self.reach(place);
-        samples.iter().zip(weights).map(|(sample, share)| self.amounts[*sample as usize] * share).sum()
+        let amount: f32 =
+            samples.iter().zip(weights).map(|(sample, share)| self.amounts[*sample as usize] * share).sum();
+        rounded(amount)
     }
 
     /// The amount where whatever samples are near have the same.
@@ -160,4 +162,10 @@ impl<'a> EditedView<'a> {
         let pixel = y / origin.down * origin.width + x / origin.across;
         pixel * origin.across * origin.down + y % origin.down * origin.across + x % origin.across
     }
+}
+
+/// An amount of edits that roundings do not tell apart from others: these would part places of a cache.
+fn rounded(amount: f32) -> f32 {
+    const STEPS: f32 = 4096.0;
+    (amount * STEPS).round() / STEPS
 }

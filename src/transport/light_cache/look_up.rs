@@ -58,7 +58,7 @@ impl Columns {
     pub fn look_up_with(&self, spot: &Spot, mut tell: impl FnMut(usize, f32)) -> Found {
         let normal = Vec3::from(spot.point.normal);
         let (mut total, mut variance, mut light) = (0.0, 0.0, Vec4::ZERO);
-        let count = self.parting.count;
+        let (count, kind) = (self.parting.count, self.parting.kind(spot.point.material, spot.receivers));
         self.visit(spot, |record, weight, by| {
             let shape = &self.shapes[record];
             let (by, turn) = (by * shape.damping, shape.normal.cross(normal));
@@ -67,10 +67,10 @@ impl Columns {
             variance += weight * weight * shape.variance;
             let all = &self.light[record];
             let mut here = all.at(by, turn);
-            for e in 0..count {
-                let apart = spot.receivers[e] - self.receivers[record * count + e];
-                if apart != 0.0 {
-                    here += self.changes[record * count + e] * apart;
+            if shape.kind != kind {
+                let changes = &self.changes[record * count..][..count];
+                for ((there, own), change) in spot.receivers.iter().zip(self.receivers_of(record)).zip(changes) {
+                    here += *change * (there - own);
                 }
             }
             // Gradients lead below what can be, edits may lead there on purpose.

@@ -23,8 +23,8 @@ impl Parting {
     /// Places of one kind do not part ways: a hash of the weights, and of the material (FNV-1a, words for bytes).
     pub fn kind(&self, material: u32, receivers: &[f32]) -> u32 {
         let mix = |hash: u32, word: u32| (hash ^ word).wrapping_mul(0x0100_0193);
-        let material = if self.by_material { material } else { 0 };
-        receivers.iter().map(|weight| weight.to_bits()).chain([material]).fold(0x811c_9dc5, mix)
+        let of_material = if self.by_material { mix(0x811c_9dc5, material) } else { 0x811c_9dc5 };
+        receivers.iter().fold(of_material, |hash, weight| mix(hash, weight.to_bits()))
     }
 
     /// A record `here` says nothing of a place `there`, of each of which material and weights are given: something acts on
