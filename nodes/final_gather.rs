@@ -5,7 +5,9 @@ use crate::image::Image;
 use crate::node::{Info, Inputs, Job, Key, Node, Port};
 use crate::nodes::camera;
 use crate::scene::Material;
-use crate::transport::final_gather::{Bounces, Crossing, Incident, Light, Renderer, Seen, Settings, SourceEdits};
+use crate::transport::final_gather::{
+    Bounces, Crossing, Gatherer, Incident, Light, Renderer, Seen, Settings, SourceEdits,
+};
 use crate::transport::{Edits, Samples};
 use crate::value::{Kind, Value};
 use crate::{Error, Result};
@@ -113,7 +115,8 @@ impl Node for FinalGather {
             rays: self.rays,
             cache_error: self.cache_error,
         };
-        let light = Light::new(&incident, &crossing, &seen, &gloss)?;
+        let irradiance = Gatherer::new(&incident, &crossing)?;
+        let light = Light::new(&irradiance, &seen, &gloss);
         let mut renderer = Renderer::new(&light, seen, settings)?;
         let (width, height) = (self.width as usize, self.height as usize);
         let picture = |renderer: &Renderer| {

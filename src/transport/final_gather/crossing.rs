@@ -3,7 +3,7 @@
 use super::incident::Incident;
 use super::pieces::Pieces;
 use super::sampled::SampledEdits;
-use super::transit::{Arrivals, Transits, weights};
+use super::transit::{Arrivals, Gains, Transits, weights};
 use crate::kernels::trace_rays::Traced;
 use crate::memo::Memo;
 use crate::scene::SurfacePoint;
@@ -121,18 +121,20 @@ impl<'a> Crossing<'a> {
 
     /// Edits what arrives at a place, into `scratch.light`; gives what is added from nowhere in particular, W/m², and the
     /// derivative of all by the weight of each receiver that it is in. `samples`: the gather sample nearest to where each
-    /// arrival comes from, where sampled edits ask for it.
+    /// arrival comes from, where sampled edits ask for it; `gains`: of the curves, where other light says them.
     pub fn edit(
         &self,
         arrivals: &Arrivals,
         samples: &[Option<u32>],
         receivers: &[f32],
         rows: Option<&Rows>,
+        gains: Option<&[f32]>,
         scratch: &mut Scratch,
     ) -> (Vec4, Vec<Vec4>) {
         let Scratch { light, other, seen } = scratch;
         let count = self.transits.receivers().len();
         let (procedural, amount) = (&receivers[..count], receivers.get(count).copied().unwrap_or(0.0));
+        let gains = || gains.map_or(Gains::Own, Gains::Given);
         let set_out = |light: &mut Vec<Vec4>| {
             light.clone_from(&arrivals.light);
             if let Some(rows) = rows {
@@ -140,21 +142,40 @@ impl<'a> Crossing<'a> {
             }
         };
         set_out(light);
-        self.transits.apply(arrivals, procedural, light, seen);
+        self.transits.apply(arrivals, procedural, light, seen, gains());
         let (sum, added) = (light.iter().sum::<Vec4>(), rows.map_or(Vec4::ZERO, |rows| rows.added));
         let mut changes = vec![Vec4::ZERO; receivers.len()];
         for e in (0..count).filter(|e| procedural[*e] != 0.0) {
             let mut moved = procedural.to_vec();
             moved[e] = if procedural[e] < 0.5 { 1.0 } else { 0.0 };
             set_out(other);
-            self.transits.apply(arrivals, &moved, other, seen);
+            self.transits.apply(arrivals, &moved, other, seen, gains());
             changes[e] = (other.iter().sum::<Vec4>() - sum) / (moved[e] - procedural[e]);
         }
         if amount != 0.0 {
             other.clone_from(&arrivals.light);
-            self.transits.apply(arrivals, procedural, other, seen);
+            self.transits.apply(arrivals, procedural, other, seen, gains());
             changes[count] = (sum + added - other.iter().sum::<Vec4>()) / amount;
         }
         (added, changes)
+    }
+
+    /// Gains of the curves by what arrives at a place, one an edit in transit; else as `edit`.
+    pub fn gains(
+        &self,
+        arrivals: &Arrivals,
+        samples: &[Option<u32>],
+        receivers: &[f32],
+        rows: Option<&Rows>,
+        scratch: &mut Scratch,
+    ) -> Vec<f32> {
+        let (mut gains, Scratch { light, seen, .. }) = (Vec::new(), scratch);
+        light.clone_from(&arrivals.light);
+        if let Some(rows) = rows {
+            rows.scale(light, samples);
+        }
+        let procedural = &receivers[..self.transits.receivers().len()];
+        self.transits.apply(arrivals, procedural, light, seen, Gains::Told(&mut gains));
+        gains
     }
 }

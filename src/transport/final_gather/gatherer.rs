@@ -19,6 +19,8 @@ use std::f32::consts::FRAC_1_PI;
 
 /// Rays that are followed together: bounds the memory between the steps.
 const BATCH: usize = 1 << 17;
+/// About how many photons are drawn from lamps: places choose runs of them.
+const PHOTONS: usize = 1 << 16;
 /// Surfaces behind each other that one ray looks through.
 const LAYERS: usize = 5;
 
@@ -52,9 +54,23 @@ pub struct Places<'a> {
     pub seeds: &'a [u32],
 }
 
+impl<'a> Places<'a> {
+    /// As many at a time as have their rays followed together.
+    pub fn batches(&self, rays: u32) -> impl Iterator<Item = Places<'a>> {
+        let (all, batch) = (self.points.len(), (BATCH / rays as usize).max(1));
+        let Self { points, receivers, seeds } = *self;
+        let count = receivers.len() / all.max(1);
+        (0..all).step_by(batch).map(move |first| {
+            let range = first..(first + batch).min(all);
+            let receivers = &receivers[range.start * count..range.end * count];
+            Places { points: &points[range.clone()], receivers, seeds: &seeds[range] }
+        })
+    }
+}
+
 /// Where light comes from, how it is looked for, and what changes it.
 pub struct Gatherer<'a> {
-    incident: &'a Incident<'a>,
+    pub(super) incident: &'a Incident<'a>,
     pub(super) crossing: &'a Crossing<'a>,
     pub(super) photons: Photons,
     /// Of each photon: caster weights, and the nearest gather sample of sampled edits.
@@ -63,9 +79,10 @@ pub struct Gatherer<'a> {
 }
 
 impl<'a> Gatherer<'a> {
-    /// About `count` photons are drawn.
-    pub fn new(incident: &'a Incident<'a>, crossing: &'a Crossing<'a>, count: usize) -> Result<Self> {
-        let mut photons = Photons::new(incident, count)?;
+    /// # Errors
+    /// The device failed.
+    pub fn new(incident: &'a Incident<'a>, crossing: &'a Crossing<'a>) -> Result<Self> {
+        let mut photons = Photons::new(incident, PHOTONS)?;
         let points: Vec<SurfacePoint> = photons.list.iter().map(|photon| photon.point).collect();
         let barycentrics: Vec<[f32; 2]> = photons.list.iter().map(|photon| photon.barycentrics).collect();
         let photon_casters = weights(crossing.transits.casters(), &points);
@@ -80,7 +97,40 @@ impl<'a> Gatherer<'a> {
         Ok(Self { incident, crossing, photons, photon_casters, photon_samples })
     }
 
-    fn batch(&self, places: &Places, strata: Strata, photons: usize) -> Result<Vec<Gathered>> {
+    /// Gains of curves by the irradiance at each place, one an edit in transit; nothing where no curve reaches.
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn gains(&self, places: &Places, rays: u32) -> Result<Vec<Vec<f32>>> {
+        let count = self.crossing.receivers();
+        let receivers = |place: usize| &places.receivers[place * count..][..count];
+        let has_curve = |place: &usize| self.crossing.transits.curve_at(receivers(*place));
+        let asked: Vec<usize> = (0..places.points.len()).filter(has_curve).collect();
+        let points: Vec<SurfacePoint> = asked.iter().map(|place| places.points[*place]).collect();
+        let weights: Vec<f32> = asked.iter().flat_map(|place| receivers(*place)).copied().collect();
+        let seeds: Vec<u32> = asked.iter().map(|place| places.seeds[*place]).collect();
+        let asked_places = Places { points: &points, receivers: &weights, seeds: &seeds };
+        let mut all = vec![Vec::new(); places.points.len()];
+        let mut numbers = asked.iter();
+        for batch in asked_places.batches(rays) {
+            let gains = self.batch(&batch, rays, |place, point, receivers, scratch| {
+                self.gains_at(place, point, receivers, scratch)
+            })?;
+            gains.into_iter().zip(numbers.by_ref()).for_each(|(gains, place)| all[*place] = gains);
+        }
+        Ok(all)
+    }
+
+    /// What is told of each place, by its point, its receivers, and all that its rays and photons found; about half of the
+    /// rays go to photons.
+    fn batch<T: Send>(
+        &self,
+        places: &Places,
+        rays: u32,
+        tell: impl Fn(&Place, &SurfacePoint, &[f32], &mut (Arrivals, Scratch)) -> T + Sync,
+    ) -> Result<Vec<T>> {
+        let photons = if self.photons.is_empty() { 0 } else { rays as usize / 2 };
+        let strata = Strata::of(rays - photons as u32);
         let geometry = self.incident.geometry;
         let rays = strata.rays();
         let hemisphere = |place| Hemisphere::new(place, strata, geometry.lift());
@@ -111,7 +161,7 @@ impl<'a> Gatherer<'a> {
         }
         let blocked = blocked_rays(self.incident.device, geometry, &ways)?;
         let count = self.crossing.receivers();
-        let sum = |(arrivals, scratch): &mut (Arrivals, Scratch), i: usize| {
+        let one = |scratch: &mut (Arrivals, Scratch), i: usize| {
             let met: Vec<(usize, usize)> =
                 of(places.seeds[i]).enumerate().map(|(j, photon)| (i * photons + j, photon)).collect();
             let place = Place {
@@ -124,16 +174,10 @@ impl<'a> Gatherer<'a> {
                 blocked: &blocked,
                 ratio,
             };
-            let reach = Hemisphere::reach(&layers[0].distances[place.fan.clone()]);
-            let receivers = &places.receivers[i * count..][..count];
-            let (light, changes) = match self.crossing.spares(receivers) {
-                true => (self.unedited(&place), vec![Vec4::ZERO; count]),
-                false => self.edited(&place, &places.points[i], receivers, arrivals, scratch),
-            };
-            Gathered { light, changes, reach, bend: 1.0 }
+            tell(&place, &places.points[i], &places.receivers[i * count..][..count], scratch)
         };
         let all = (0..hemispheres.len()).into_par_iter();
-        Ok(all.map_init(<(Arrivals, Scratch)>::default, sum).collect())
+        Ok(all.map_init(<(Arrivals, Scratch)>::default, one).collect())
     }
 
     /// Light at what rays met, with edits at the source.
@@ -201,20 +245,17 @@ impl<'a> Gatherer<'a> {
 }
 
 impl Gathers for Gatherer<'_> {
-    /// About half of the rays go to photons.
     fn gather(&self, places: &Places, rays: u32, stage: &Stage) -> Result<Vec<Gathered>> {
-        let photons = if self.photons.is_empty() { 0 } else { rays / 2 };
-        let strata = Strata::of(rays - photons);
         let mut all = Vec::with_capacity(places.points.len());
-        let (batch, receivers) = ((BATCH / rays as usize).max(1), self.crossing.receivers());
-        for first in (0..places.points.len()).step_by(batch) {
-            let range = first..(first + batch).min(places.points.len());
-            let places = Places {
-                points: &places.points[range.clone()],
-                receivers: &places.receivers[range.start * receivers..range.end * receivers],
-                seeds: &places.seeds[range],
-            };
-            all.extend(self.batch(&places, strata, photons as usize)?);
+        for places in places.batches(rays) {
+            all.extend(self.batch(&places, rays, |place, point, receivers, scratch| {
+                let reach = Hemisphere::reach(&place.layers[0].distances[place.fan.clone()]);
+                let (light, changes) = match self.crossing.spares(receivers) {
+                    true => (self.unedited(place), vec![Vec4::ZERO; receivers.len()]),
+                    false => self.edited(place, point, receivers, scratch),
+                };
+                Gathered { light, changes, reach, bend: 1.0 }
+            })?);
             stage.advance(u64::from(rays) * places.points.len() as u64)?;
         }
         Ok(all)

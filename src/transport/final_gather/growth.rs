@@ -71,7 +71,6 @@ impl Growth<'_> {
     /// Adds records until all points of a picture are covered.
     pub fn cover(&self, cache: &mut Cache, asked: Asked, stage: &Stage) -> Result<Told> {
         let Asked { view, before, rays, share, gaps } = asked;
-        let is_settled = gaps.is_some();
         let mut placement = match gaps {
             Some(gaps) => Placement::of_gaps(view, gaps),
             None => Placement::new(view, share, before.is_some()),
@@ -111,7 +110,7 @@ impl Growth<'_> {
                 fresh.receivers.extend(receivers);
             }
             told.added += fresh.records.len();
-            cache.extend(fresh, is_settled);
+            cache.extend(fresh, placement.is_settled());
         }
     }
 

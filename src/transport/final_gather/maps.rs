@@ -30,7 +30,7 @@ impl<'a> Maps<'a> {
         };
         let reflections = light.reflections.as_ref();
         Self {
-            diffuse: map(Growth { gatherer: &light.irradiance, camera, height }, false),
+            diffuse: map(Growth { gatherer: light.irradiance, camera, height }, false),
             // Another material has another lobe.
             glossy: reflections.map(|reflections| map(Growth { gatherer: reflections, camera, height }, true)),
             estimate: Estimate::default(),

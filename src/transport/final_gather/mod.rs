@@ -44,6 +44,7 @@ pub mod view;
 
 pub use bounces::Bounces;
 pub use crossing::Crossing;
+pub use gatherer::Gatherer;
 pub use incident::Incident;
 pub use render::{Light, Renderer, Settings};
 pub use source::SourceEdits;

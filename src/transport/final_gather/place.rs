@@ -48,14 +48,9 @@ impl Gatherer<'_> {
         light
     }
 
-    pub(super) fn edited(
-        &self,
-        place: &Place,
-        point: &SurfacePoint,
-        receivers: &[f32],
-        arrivals: &mut Arrivals,
-        scratch: &mut Scratch,
-    ) -> (Gradients, Vec<Vec4>) {
+    /// All that arrives at a place, rays first; the gather sample nearest to where each comes from, where sampled edits ask
+    /// for it; and of the photons of the place, those among them.
+    fn arriving(&self, place: &Place, arrivals: &mut Arrivals) -> (Vec<Option<u32>>, Vec<(usize, usize)>) {
         arrivals.clear();
         let (rays, casters) = (place.fan.len(), self.crossing.transits.casters().len());
         let mut samples: Vec<Option<u32>> = Vec::new();
@@ -69,7 +64,6 @@ impl Gatherer<'_> {
             arrivals.casters.extend_from_slice(&layer.casters[place.fan.start * casters..place.fan.end * casters]);
             samples.extend(layer.samples.get(place.fan.clone()).into_iter().flatten());
         }
-        let of_rays = arrivals.light.len();
         // A photon behind something counts only where an edit sees through that.
         let counts = |at: usize| place.ways[at].t_max > 0.0 && (place.blocked[at] == 0 || place.layers.len() > 1);
         let photons: Vec<(usize, usize)> = place.photons.iter().copied().filter(|(at, _)| counts(*at)).collect();
@@ -82,9 +76,32 @@ impl Gatherer<'_> {
             arrivals.casters.extend_from_slice(&self.photon_casters[photon * casters..][..casters]);
             samples.extend(self.photon_samples.get(photon));
         }
-        let rows = self.crossing.rows(point);
-        let (added, changes) = self.crossing.edit(arrivals, &samples, receivers, rows.as_ref(), scratch);
-        let (by_rays, by_photons) = scratch.light.split_at(of_rays);
+        (samples, photons)
+    }
+
+    /// Gains of curves by what arrives at a place, one an edit in transit.
+    pub(super) fn gains_at(
+        &self,
+        place: &Place,
+        point: &SurfacePoint,
+        receivers: &[f32],
+        (arrivals, scratch): &mut (Arrivals, Scratch),
+    ) -> Vec<f32> {
+        let (samples, _) = self.arriving(place, arrivals);
+        self.crossing.gains(arrivals, &samples, receivers, self.crossing.rows(point).as_ref(), scratch)
+    }
+
+    pub(super) fn edited(
+        &self,
+        place: &Place,
+        point: &SurfacePoint,
+        receivers: &[f32],
+        (arrivals, scratch): &mut (Arrivals, Scratch),
+    ) -> (Gradients, Vec<Vec4>) {
+        let (samples, photons) = self.arriving(place, arrivals);
+        let (rays, rows) = (place.fan.len(), self.crossing.rows(point));
+        let (added, changes) = self.crossing.edit(arrivals, &samples, receivers, rows.as_ref(), None, scratch);
+        let (by_rays, by_photons) = scratch.light.split_at(scratch.light.len() - photons.len());
         let mut sum = Gradients { value: added, ..Gradients::default() };
         for (layer, light) in place.layers.iter().zip(by_rays.chunks_exact(rays)) {
             let more = place.hemisphere.gradients(light, &layer.distances[place.fan.clone()]);

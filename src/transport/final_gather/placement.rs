@@ -37,6 +37,7 @@ impl<'a> View<'a> {
 pub struct Placement<'a> {
     view: View<'a>,
     share: f32,
+    /// What is covered stays so: new records do not make old ones count less far.
     is_settled: bool,
     step: usize,
     rounds: usize,
@@ -79,13 +80,22 @@ impl<'a> Placement<'a> {
         });
         match self.rounds.cmp(&(ROUNDS + 1)) {
             Ordering::Less => {}
-            Ordering::Equal => return left,
+            Ordering::Equal => {
+                // Or what is taken now would open gaps that nobody looks for.
+                self.is_settled = true;
+                return left;
+            }
             Ordering::Greater => return Vec::new(),
         }
         let next = self.thinned(&left);
         self.block /= 2;
         self.open = Some(left);
         next
+    }
+
+    /// Records of the places that were given last leave old ones as they are.
+    pub fn is_settled(&self) -> bool {
+        self.is_settled
     }
 
     fn is_open(&self, cache: &Cache, pixel: usize) -> bool {

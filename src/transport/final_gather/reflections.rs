@@ -5,7 +5,7 @@
 //! as fast as the lobe is narrow, until each sample gathers for itself.
 
 use super::crossing::{Crossing, Rows, Scratch};
-use super::gatherer::{Gathered, Gathers, Places};
+use super::gatherer::{Gathered, Gatherer, Gathers, Places};
 use super::hemisphere::Hemisphere;
 use super::incident::Incident;
 use super::transit::{Arrivals, weights};
@@ -19,13 +19,15 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 
-/// Rays that are followed together.
-const BATCH: usize = 1 << 17;
+/// Rays that say the gains of curves at a place, at least.
+const GAIN_RAYS: u32 = 256;
 /// How far a record counts, over what it would for diffuse light, of a lobe as wide as 1.
 const SPREAD: f32 = 2.5;
 
 pub struct Reflections<'a> {
     pub incident: &'a Incident<'a>,
+    /// Of irradiance, which says the gains of curves.
+    pub irradiance: &'a Gatherer<'a>,
     pub crossing: &'a Crossing<'a>,
     pub eye: Vec3,
     /// `Material::gloss` of each.
@@ -63,6 +65,8 @@ impl Reflections<'_> {
             sampled.at_source(&samples, &mut leaving);
         }
         let count = self.crossing.receivers();
+        // A curve says what becomes of light at the place, of which the eye sees a part: as in the preview.
+        let gains = self.irradiance.gains(places, GAIN_RAYS.max(rays as u32))?;
         let sum = |(arrivals, scratch): &mut (Arrivals, Scratch), i: usize| {
             let (fan, place) = (i * rays..(i + 1) * rays, &places.points[i]);
             arrivals.clear();
@@ -79,7 +83,8 @@ impl Reflections<'_> {
             let receivers = &places.receivers[i * count..][..count];
             // What is added is diffuse light: it is not reflected, as in the preview.
             let rows = self.crossing.rows(place).map(|rows| Rows { added: Vec4::ZERO, ..rows });
-            let (_, changes) = self.crossing.edit(arrivals, samples, receivers, rows.as_ref(), scratch);
+            let gains = Some(&gains[i][..]).filter(|gains| !gains.is_empty());
+            let (_, changes) = self.crossing.edit(arrivals, samples, receivers, rows.as_ref(), gains, scratch);
             let light = Gradients { value: scratch.light.iter().sum(), ..Gradients::default() };
             let width = alpha(&self.gloss[place.material as usize]);
             // What is reflected moves with the eye's parallax, too.
@@ -95,15 +100,8 @@ impl Reflections<'_> {
 
 impl Gathers for Reflections<'_> {
     fn gather(&self, places: &Places, rays: u32, stage: &Stage) -> Result<Vec<Gathered>> {
-        let (batch, receivers) = ((BATCH / rays as usize).max(1), self.crossing.receivers());
         let mut all = Vec::with_capacity(places.points.len());
-        for first in (0..places.points.len()).step_by(batch) {
-            let range = first..(first + batch).min(places.points.len());
-            let places = Places {
-                points: &places.points[range.clone()],
-                receivers: &places.receivers[range.start * receivers..range.end * receivers],
-                seeds: &places.seeds[range],
-            };
+        for places in places.batches(rays) {
             all.extend(self.batch(&places, rays as usize)?);
             stage.advance(u64::from(rays) * places.points.len() as u64)?;
         }

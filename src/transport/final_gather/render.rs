@@ -31,30 +31,17 @@ pub struct Settings {
 pub struct Light<'a> {
     pub incident: &'a Incident<'a>,
     pub crossing: &'a Crossing<'a>,
-    pub irradiance: Gatherer<'a>,
+    pub irradiance: &'a Gatherer<'a>,
     /// `None` where nothing shines.
     pub reflections: Option<Reflections<'a>>,
 }
 
-/// Photons that are drawn from lamps: places choose runs of them.
-const PHOTONS: usize = 1 << 16;
-
 impl<'a> Light<'a> {
     /// `gloss`: `Material::gloss` of each.
-    pub fn new(
-        incident: &'a Incident<'a>,
-        crossing: &'a Crossing<'a>,
-        seen: &Seen,
-        gloss: &'a [[f32; 4]],
-    ) -> Result<Self> {
-        let eye = seen.camera.position;
-        let reflections = Reflections { incident, crossing, eye, gloss };
-        Ok(Self {
-            incident,
-            crossing,
-            irradiance: Gatherer::new(incident, crossing, PHOTONS)?,
-            reflections: seen.shines().then_some(reflections),
-        })
+    pub fn new(irradiance: &'a Gatherer<'a>, seen: &Seen, gloss: &'a [[f32; 4]]) -> Self {
+        let Gatherer { incident, crossing, .. } = *irradiance;
+        let reflections = Reflections { incident, irradiance, crossing, eye: seen.camera.position, gloss };
+        Self { incident, crossing, irradiance, reflections: seen.shines().then_some(reflections) }
     }
 }
 

@@ -54,6 +54,16 @@ impl Arrivals {
     }
 }
 
+/// Of the curves of a list at a place, one gain an edit; 1 where an edit has none, or does not reach the place.
+pub enum Gains<'a> {
+    /// Each curve asks the light that it acts on.
+    Own,
+    /// As `Own`, and they are told.
+    Told(&'a mut Vec<f32>),
+    /// By light other than that which is edited.
+    Given(&'a [f32]),
+}
+
 fn numbered(list: &mut Vec<Arc<Selection>>, selection: &Option<Arc<Selection>>) -> Option<usize> {
     let selection = selection.as_ref()?;
     let known = list.iter().position(|known| known.digest() == selection.digest());
@@ -92,10 +102,27 @@ impl<'a> Transits<'a> {
         (0..self.edits.len()).any(|e| self.receiver[e].is_none_or(|receiver| receivers[receiver] > 0.0))
     }
 
+    /// Some edit with a curve has a receiver that this one is.
+    pub fn curve_at(&self, receivers: &[f32]) -> bool {
+        let reaches = |e: usize| self.receiver[e].is_none_or(|receiver| receivers[receiver] > 0.0);
+        (0..self.edits.len()).any(|e| self.edits[e].has_curve() && reaches(e))
+    }
+
     /// Edits light that arrives, one each of `arrivals`, whose own may be another; `seen` is used again for every place.
     /// `receivers`: weight of each receiver at the place.
-    pub fn apply(&self, arrivals: &Arrivals, receivers: &[f32], light: &mut [Vec4], seen: &mut Vec<f32>) {
+    pub fn apply(
+        &self,
+        arrivals: &Arrivals,
+        receivers: &[f32],
+        light: &mut [Vec4],
+        seen: &mut Vec<f32>,
+        mut gains: Gains,
+    ) {
         seen.clone_from(&arrivals.seen);
+        if let Gains::Told(gains) = &mut gains {
+            gains.clear();
+            gains.resize(self.edits.len(), 1.0);
+        }
         let count = self.casters.len();
         for (e, edit) in self.edits.iter().enumerate() {
             let receiver = self.receiver[e].map_or(1.0, |receiver| receivers[receiver]);
@@ -122,15 +149,21 @@ impl<'a> Transits<'a> {
                 }
                 Change::Colour(change) => {
                     let (matrix, curve) = (change.matrix(), change.knots());
-                    let mut gain = 1.0;
-                    if !curve.is_empty() {
+                    let by_own_light = || {
                         let caster = |i: usize| self.caster[e].map_or(1.0, |c| arrivals.casters[i * count + c]);
                         let all: Vec4 = light.iter().enumerate().map(|(i, light)| *light * (seen[i] * caster(i))).sum();
                         let luminance = colour::luminance(matrix * all.truncate());
-                        if luminance > DARK {
-                            gain = evaluate(&curve, luminance) / luminance;
+                        if luminance > DARK { evaluate(&curve, luminance) / luminance } else { 1.0 }
+                    };
+                    let gain = match &mut gains {
+                        Gains::Given(gains) => gains[e],
+                        _ if curve.is_empty() => 1.0,
+                        Gains::Own => by_own_light(),
+                        Gains::Told(gains) => {
+                            gains[e] = by_own_light();
+                            gains[e]
                         }
-                    }
+                    };
                     let matrix = matrix * gain;
                     for (i, light) in light.iter_mut().enumerate() {
                         let weight = weight(i);
