@@ -1,5 +1,6 @@
 //! `chiaro diff`: how far two pictures are apart.
 
+use super::side::{Side, WHOLE};
 use crate::image::cryptomatte::Cryptomatte;
 use crate::image::exr_write::Depth;
 use crate::image::{Image, Layer, compare, exr_write, load, names, png};
@@ -51,9 +52,6 @@ fn limit(text: &str) -> std::result::Result<f64, String> {
         _ => Err("expected a number from 0 up, such as 0.02".to_owned()),
     }
 }
-
-/// Smallest part of a pixel that an object must cover to be the only one that it shows.
-const WHOLE: f32 = 0.99;
 
 /// Prints the figures; true when the pictures are equal, or within `--max-rmse`.
 ///
@@ -124,28 +122,6 @@ pub fn report(args: &Args) -> Result<(String, bool)> {
     Ok((text, equal))
 }
 
-/// `FILE[:LAYER]`.
-struct Side {
-    path: PathBuf,
-    layer: Option<String>,
-}
-
-impl Side {
-    /// A colon parts file from layer only behind the extension of a picture, so that `C:\a.exr` is a file.
-    fn parse(text: &str) -> Self {
-        let whole = Self { path: text.into(), layer: None };
-        if whole.path.is_file() {
-            return whole;
-        }
-        let is_picture = |file: &str| load::EXTENSIONS.contains(&load::extension(Path::new(file)).as_str());
-        let parts = text.match_indices(':').map(|(at, _)| (&text[..at], &text[at + 1..]));
-        match parts.into_iter().find(|(file, _)| is_picture(file)) {
-            Some((file, layer)) => Self { path: file.into(), layer: Some(layer.to_owned()) },
-            None => whole,
-        }
-    }
-}
-
 /// Layers to multiply each side by.
 fn factors(times: &[String]) -> Result<[Vec<String>; 2]> {
     let mut factors = [Vec::new(), Vec::new()];
@@ -197,15 +173,7 @@ fn pairs(sides: &[Side; 2], factors: &[Vec<String>; 2]) -> Result<Vec<Pair>> {
         let side = &sides[index];
         // A layer named on one side only is meant on both.
         let name = side.layer.as_deref().or(sides[1 - index].layer.as_deref()).unwrap_or("");
-        let mut layers: Vec<&str> = vec![name];
-        layers.extend(factors[index].iter().map(String::as_str));
-        let image = load::load(&side.path, Some(&layers))?;
-        let find = |name: &str| image.find(name).map_err(|e| Error::file(&side.path, e.message, e.help));
-        let mut layer = find(name)?.clone();
-        for factor in &factors[index] {
-            layer = multiply(&layer, find(factor)?)?;
-        }
-        Ok((layer, image))
+        side.read(name, &factors[index])
     };
     let ((a, image_a), (b, image_b)) = (read(0)?, read(1)?);
     same_size(sides, &image_a, &image_b)?;
@@ -227,21 +195,6 @@ fn same_size(sides: &[Side; 2], a: &Image, b: &Image) -> Result<()> {
     let size = |side: &Side, image: &Image| format!("{} has {} x {}", side.path.display(), image.width, image.height);
     let message = format!("sizes differ: {}, {} pixels", size(&sides[0], a), size(&sides[1], b));
     Err(Error::compute(message, "compare pictures of one size"))
-}
-
-/// Channel by channel of the same name; a channel that the factor lacks stays as it is.
-fn multiply(layer: &Layer, factor: &Layer) -> Result<Layer> {
-    let places: Vec<Option<usize>> = layer.channels.iter().map(|channel| factor.channel(channel)).collect();
-    if places.iter().all(Option::is_none) {
-        let (name, other) = (layer.title(), factor.title());
-        return Err(Error::usage(format!("--times: \"{name}\" and \"{other}\" have no channel in common"), ""));
-    }
-    let mut data = layer.data.to_vec();
-    let factors = factor.data.chunks(factor.channels.len());
-    for (pixel, factor) in data.chunks_mut(places.len()).zip(factors) {
-        pixel.iter_mut().zip(&places).for_each(|(value, place)| *value *= place.map_or(1.0, |at| factor[at]));
-    }
-    Ok(layer.with_data(data))
 }
 
 fn figures_text(a: &Layer, b: &Layer, figures: &compare::Figures, ssim: Option<f64>) -> String {

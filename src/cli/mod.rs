@@ -1,6 +1,7 @@
 //! The command line: one file per subcommand. Messages and progress go to stderr; stdout carries what was asked for.
 
 mod bench;
+mod chart;
 mod check;
 mod devices;
 pub mod diff;
@@ -14,6 +15,7 @@ mod node_help;
 mod progress;
 mod render;
 mod schema;
+mod side;
 
 pub use messages::print_error;
 
@@ -44,6 +46,7 @@ enum Command {
     Schema(schema::Args),
     Devices(devices::Args),
     Bench(bench::Args),
+    Chart(chart::Args),
     Farm(farm::Args),
 }
 
@@ -72,6 +75,7 @@ impl Cli {
             Command::Schema(args) => args.run(registry),
             Command::Devices(args) => args.run(),
             Command::Bench(args) => args.run(registry),
+            Command::Chart(args) => args.run(registry),
             Command::Farm(args) => args.run(registry),
         }
     }

@@ -1,5 +1,6 @@
 //! Scenes and environments that ship in the program: made here, no file needed.
 
+mod bare;
 mod builder;
 mod hall;
 mod room;
@@ -18,6 +19,7 @@ enum Make {
 
 /// Of each: its name and what makes it.
 const SCENES: &[(&str, Make)] = &[
+    ("bare", Make::Still(bare::bare)),
     ("hall", Make::Still(hall::hall)),
     ("room", Make::Still(room::room)),
     ("walk", Make::Moving(walk::walk, walk::SECONDS)),

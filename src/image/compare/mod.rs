@@ -3,16 +3,23 @@
 //! `a` is what is judged, `b` the reference. Sums run in f64 over rows, and rows are added in order, so that a figure
 //! does not depend on the number of threads.
 
-use super::{Layer, colour};
+mod blocks;
+mod similarity;
+
+pub use blocks::{BlockFigures, blocks};
+pub use similarity::ssim;
+
+use super::Layer;
 use crate::{Error, Result};
-use glam::Vec3;
 use rayon::prelude::*;
 
-/// Figures over all pixels. RMSE and means leave alpha and values that are not finite out; the rest counts them too.
+/// Figures over all pixels. RMSE, percentile and means leave alpha and values that are not finite out; the rest counts them too.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Figures {
     /// Root of the mean squared difference.
     pub rmse: f64,
+    /// 99 of 100 absolute differences are not larger (`percentile`).
+    pub p99: f64,
     pub mean_a: f64,
     pub mean_b: f64,
     /// Largest absolute difference, and where.
@@ -36,13 +43,32 @@ impl Figures {
         relative(self.rmse, self.mean_b)
     }
 
+    /// The 99th percentile, as `relative`.
+    pub fn relative_p99(&self) -> f64 {
+        relative(self.p99, self.mean_b)
+    }
+
+    /// (mean a - mean b) / mean b; the plain difference where the mean of the reference is 0.
+    pub fn bias(&self) -> f64 {
+        relative(self.mean_a - self.mean_b, self.mean_b)
+    }
+
     pub fn equal(&self) -> bool {
         self.differing == 0 && self.left_out.is_empty()
     }
 }
 
-fn relative(rmse: f64, mean: f64) -> f64 {
-    if mean == 0.0 { rmse } else { rmse / mean.abs() }
+fn relative(difference: f64, mean: f64) -> f64 {
+    if mean == 0.0 { difference } else { difference / mean.abs() }
+}
+
+/// The smallest of the values that `share` of them do not exceed (nearest rank); 0 of none.
+fn percentile(values: &mut [f32], share: f64) -> f32 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let rank = ((share * values.len() as f64).ceil() as usize).clamp(1, values.len());
+    *values.select_nth_unstable_by(rank - 1, f32::total_cmp).1
 }
 
 /// Channels that both layers have: position in `a`, position in `b`.
@@ -79,7 +105,8 @@ struct Row {
     squares: f64,
     sum_a: f64,
     sum_b: f64,
-    count: usize,
+    /// Absolute differences of what the sums count.
+    differences: Vec<f32>,
     figures: Figures,
 }
 
@@ -107,11 +134,11 @@ pub fn compare(a: &Layer, b: &Layer, width: usize) -> Result<Figures> {
                     a.channels[i].clone_into(&mut figures.max_channel);
                 }
                 if a.channels[i] != "A" || channels.len() == 1 {
+                    row.differences.push((u - v).abs());
                     let (u, v) = (f64::from(u), f64::from(v));
                     row.squares += (u - v) * (u - v);
                     row.sum_a += u;
                     row.sum_b += v;
-                    row.count += 1;
                 }
             }
         }
@@ -125,7 +152,7 @@ pub fn compare(a: &Layer, b: &Layer, width: usize) -> Result<Figures> {
         all.squares += row.squares;
         all.sum_a += row.sum_a;
         all.sum_b += row.sum_b;
-        all.count += row.count;
+        all.differences.extend(row.differences);
         let (sum, part) = (&mut all.figures, row.figures);
         sum.differing += part.differing;
         sum.not_finite_a += part.not_finite_a;
@@ -135,11 +162,12 @@ pub fn compare(a: &Layer, b: &Layer, width: usize) -> Result<Figures> {
             (sum.max, sum.max_at, sum.max_channel) = (part.max, part.max_at, part.max_channel);
         }
     }
-    let count = all.count.max(1) as f64;
+    let count = all.differences.len().max(1) as f64;
     let only =
         |x: &Layer, y: &Layer| x.channels.iter().filter(|c| y.channel(c).is_none()).cloned().collect::<Vec<String>>();
     Ok(Figures {
         rmse: (all.squares / count).sqrt(),
+        p99: f64::from(percentile(&mut all.differences, 0.99)),
         mean_a: all.sum_a / count,
         mean_b: all.sum_b / count,
         left_out: [only(a, b), only(b, a)].concat(),
@@ -160,139 +188,12 @@ pub fn difference(a: &Layer, b: &Layer, width: usize) -> Result<Layer> {
     Ok(Layer::new(&a.name, &names, a.content, data))
 }
 
-/// Figures over the blocks of one object, or of all.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-pub struct BlockFigures {
-    /// Cryptomatte id; 0 for all objects together.
-    pub object: u32,
-    pub blocks: usize,
-    /// Root of the mean squared difference of block averages, over the mean of the reference; all channels together.
-    pub relative_rmse: f64,
-    /// (mean a - mean b) / mean b.
-    pub bias: f64,
-    /// Blocks left out because a value in them is not finite.
-    pub not_finite: usize,
-}
-
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    squares: f64,
-    a: f64,
-    b: f64,
-    values: usize,
-    blocks: usize,
-    not_finite: usize,
-}
-
-impl Sums {
-    fn figures(&self, object: u32) -> BlockFigures {
-        let values = self.values.max(1) as f64;
-        let mean = self.b / values;
-        BlockFigures {
-            object,
-            blocks: self.blocks,
-            relative_rmse: relative((self.squares / values).sqrt(), mean),
-            bias: if mean == 0.0 { (self.a - self.b) / values } else { (self.a - self.b) / self.b.abs() },
-            not_finite: self.not_finite,
-        }
-    }
-}
-
-/// The measure that figures of accuracy are given in: averages over `size` x `size` blocks all of whose pixels show
-/// the same object. `objects` holds the object of each pixel, 0 where it is not certain (`Cryptomatte::whole`).
-/// Returns the figures of all blocks, then those of each object by falling number of blocks. Alpha is left out.
-pub fn blocks(a: &Layer, b: &Layer, width: usize, objects: &[u32], size: usize) -> Result<Vec<BlockFigures>> {
-    let mut channels = check(a, b, width)?;
-    channels.retain(|&(i, _)| a.channels[i] != "A");
-    let pixels = a.data.len() / a.channels.len();
-    if objects.len() != pixels || size == 0 || channels.is_empty() {
-        let found = format!("{pixels} pixels, objects of {} pixels, blocks of {size} x {size}", objects.len());
-        return Err(Error::compute(found, "the objects must come from a picture of the same size; blocks from 1 up"));
-    }
-    let (step_a, step_b) = (a.channels.len(), b.channels.len());
-    let mut sums = std::collections::BTreeMap::<u32, Sums>::new();
-    let (columns, rows) = (width / size, pixels / width / size);
-    for block in 0..columns * rows {
-        let origin = (block / columns * width + block % columns) * size;
-        let inside = || (0..size * size).map(|k| origin + k / size * width + k % size);
-        let object = objects[origin];
-        if object == 0 || inside().any(|pixel| objects[pixel] != object) {
-            continue;
-        }
-        let sum = sums.entry(object).or_default();
-        let mean = |layer: &Layer, step: usize, channel: usize| {
-            let total: f64 = inside().map(|pixel| f64::from(layer.data[pixel * step + channel])).sum();
-            total / (size * size) as f64
-        };
-        let means: Vec<(f64, f64)> = channels.iter().map(|&(i, j)| (mean(a, step_a, i), mean(b, step_b, j))).collect();
-        if means.iter().any(|(u, v)| !u.is_finite() || !v.is_finite()) {
-            sum.not_finite += 1;
-            continue;
-        }
-        sum.blocks += 1;
-        sum.values += means.len();
-        for (u, v) in means {
-            sum.squares += (u - v) * (u - v);
-            sum.a += u;
-            sum.b += v;
-        }
-    }
-    let mut all = Sums::default();
-    for sum in sums.values() {
-        all.squares += sum.squares;
-        all.a += sum.a;
-        all.b += sum.b;
-        all.values += sum.values;
-        all.blocks += sum.blocks;
-        all.not_finite += sum.not_finite;
-    }
-    let mut each: Vec<BlockFigures> = sums.iter().map(|(&object, sum)| sum.figures(object)).collect();
-    each.sort_by_key(|figures| std::cmp::Reverse(figures.blocks));
-    each.insert(0, all.figures(0));
-    Ok(each)
-}
-
-/// Structural similarity of what a screen shows: luminance clipped to [0, 1] and sRGB-encoded, windows of 8 x 8 pixels
-/// every 4 pixels, K1 = 0.01, K2 = 0.03 (Wang et al. 2004, with a flat window). 1 is equal. Only for layers with R, G
-/// and B on both sides.
-pub fn ssim(a: &Layer, b: &Layer, width: usize) -> Option<f64> {
-    let shown = |layer: &Layer| -> Option<Vec<f32>> {
-        let [r, g, b] = layer.rgb()?;
-        let encode = |p: &[f32]| {
-            let luminance = colour::luminance(Vec3::new(p[r], p[g], p[b]));
-            colour::srgb_from_linear(if luminance.is_finite() { luminance.clamp(0.0, 1.0) } else { 0.0 })
-        };
-        Some(layer.data.par_chunks(layer.channels.len()).map(encode).collect())
-    };
-    let (a, b) = (shown(a)?, shown(b)?);
-    if a.len() != b.len() || a.is_empty() {
-        return None;
-    }
-    let height = a.len() / width;
-    let (wide, high) = (width.min(8), height.min(8));
-    let window = |x: usize, y: usize| {
-        let mut sums = [0.0f64; 5];
-        for pixel in (y..y + high).flat_map(|y| (x..x + wide).map(move |x| y * width + x)) {
-            let (u, v) = (f64::from(a[pixel]), f64::from(b[pixel]));
-            [u, v, u * u, v * v, u * v].iter().zip(&mut sums).for_each(|(value, sum)| *sum += value);
-        }
-        let [u, v, uu, vv, uv] = sums.map(|sum| sum / (wide * high) as f64);
-        let (c1, c2) = (0.01 * 0.01, 0.03 * 0.03);
-        (2.0 * u * v + c1) * (2.0 * (uv - u * v) + c2) / ((u * u + v * v + c1) * ((uu - u * u) + (vv - v * v) + c2))
-    };
-    let line = |y: usize| (0..=width - wide).step_by(4).map(|x| window(x, y)).sum::<f64>();
-    let starts: Vec<usize> = (0..=height - high).step_by(4).collect();
-    let lines: Vec<f64> = starts.par_iter().map(|&y| line(y)).collect();
-    let windows = starts.len() * (0..=width - wide).step_by(4).count();
-    Some(lines.iter().sum::<f64>() / windows as f64)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::image::Content;
 
-    fn layer(data: Vec<f32>) -> Layer {
+    pub fn layer(data: Vec<f32>) -> Layer {
         Layer::new("", &["R", "G", "B"], Content::Colour, data)
     }
 
@@ -306,6 +207,20 @@ mod tests {
         assert_eq!(figures.differing, 1);
         assert!(!figures.equal() && compare(&b, &b, 2).unwrap().equal());
         assert_eq!(difference(&a, &b, 2).unwrap().data[..], [0.0, 0.0, 0.0, 0.0, 3.0, 0.0]);
+    }
+
+    #[test]
+    fn percentile_is_of_the_nearest_rank() {
+        let mut values: Vec<f32> = (1..=200).rev().map(|i| i as f32).collect();
+        assert_eq!([0.5, 0.99, 0.991, 1.0].map(|share| percentile(&mut values, share)), [100.0, 198.0, 199.0, 200.0]);
+        assert_eq!((percentile(&mut [7.0], 0.99), percentile(&mut [], 0.99)), (7.0, 0.0));
+        // 2 of 300 values differ: less than one in a hundred; 4 of 300: more.
+        let b = layer(vec![2.0; 300]);
+        let with = |count: usize| {
+            b.with_data((0..300).map(|i| if i % 70 == 0 && i / 70 < count { 5.0 } else { 2.0 }).collect())
+        };
+        assert_eq!([2, 4].map(|count| compare(&with(count), &b, 10).unwrap().relative_p99()), [0.0, 1.5]);
+        assert!((compare(&with(4), &b, 10).unwrap().bias() - 0.02).abs() < 1e-12);
     }
 
     #[test]
@@ -341,24 +256,5 @@ mod tests {
         let rgba = Layer::new("", &["R", "G", "B", "A"], Content::Colour, vec![1.0; 8]);
         let figures = compare(&rgba, &b, 2).unwrap();
         assert_eq!((figures.left_out, figures.rmse), (vec!["A".to_owned()], 0.0));
-    }
-
-    #[test]
-    fn blocks_by_hand() {
-        // 4 x 2 pixels, two blocks of 2 x 2; the reference is 2 everywhere.
-        let b = layer(vec![2.0; 24]);
-        let mut data = vec![2.0; 24];
-        data[0] = 6.0; // red of pixel 0: the block's average is 3 instead of 2
-        let a = b.with_data(data);
-        let found = blocks(&a, &b, 4, &[7, 7, 8, 8, 7, 7, 8, 8], 2).unwrap();
-        assert_eq!(found.iter().map(|f| (f.object, f.blocks)).collect::<Vec<_>>(), [(0, 2), (7, 1), (8, 1)]);
-        assert!((found[0].relative_rmse - (1.0f64 / 6.0).sqrt() / 2.0).abs() < 1e-12);
-        assert!((found[1].relative_rmse - (1.0f64 / 3.0).sqrt() / 2.0).abs() < 1e-12);
-        assert!((found[1].bias - 1.0 / 6.0).abs() < 1e-12);
-        assert_eq!(found[2].relative_rmse, 0.0);
-        // A pixel of another object, or of none, takes its block out.
-        let found = blocks(&a, &b, 4, &[7, 0, 8, 8, 7, 7, 8, 9], 2).unwrap();
-        assert_eq!(found[0].blocks, 0);
-        assert!(blocks(&a, &b, 4, &[7; 7], 2).is_err());
     }
 }
