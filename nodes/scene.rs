@@ -13,8 +13,8 @@ use std::sync::Arc;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scene {
-    /// A .gltf or .glb file, or `builtin:NAME` for a scene that ships in the program (`room`, `hall`, `yard`, and
-    /// `walk`, in which a figure walks for two seconds).
+    /// A .gltf or .glb file, or `builtin:NAME` for a scene that ships in the program (`room`, `hall`, `yard`, an
+    /// empty room called `bare`, and `walk`, in which a figure walks for two seconds).
     pub file: String,
     /// Frames a second that animation in the file is played at: frame 24 shows the file after one second at 24.
     #[schemars(range(min = 1.0, max = 1000.0), extend("unit" = "1/s"))]
