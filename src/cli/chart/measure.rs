@@ -278,6 +278,11 @@ impl Judge {
             return Ok(Errors { rmse, p99, bias, ssim });
         };
         let all = compare::blocks(layer, &self.reference, self.width, objects, *size)?.swap_remove(0);
+        // Of nothing, every error is 0.
+        if all.blocks == 0 {
+            let message = format!("no block of {size} x {size} pixels shows one object alone");
+            return Err(Error::usage(message, "make blocks smaller, or leave --objects out"));
+        }
         Ok(Errors { rmse: all.relative_rmse, p99: all.relative_p99, bias: all.bias, ssim })
     }
 
